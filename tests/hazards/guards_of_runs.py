@@ -56,7 +56,7 @@ OF_RUNS: Final = (
     ),
     Guard(
         "a mistake in the program leaves everything as it is",
-        "            for problem in self._leave(last_ns, _failure(error)):\n",
+        '            for problem in self._leave(last_ns, f"stopped: {_text(error)}"):\n',
         "            for problem in []:\n",
         f"{STOP}an_error_in_the_program_stops",
     ),
@@ -140,7 +140,7 @@ OF_RUNS: Final = (
     ),
     Guard(
         "the same picture again counts as a new one",
-        "if self._live and self._n_equal >= STUCK_FRAMES:",
+        "if self.live and self._n_equal >= STUCK_FRAMES:",
         "if False:",
         f"{PICTURES}a_frozen_camera_has_no_vote_until_a_picture_differs",
     ),

@@ -216,7 +216,7 @@ READERS: dict[str, Reader] = {
         lambda _: msgspec.json.encode(Unfinished(started=_MADE, devices={"emg": "tty"}, steps={"emg": "x"})),
         _read_unfinished,
     ),
-    "dose of a day": ("vest-dose.json", lambda _: _DOSE, worn_vest._read),
+    "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
     "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
     "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),

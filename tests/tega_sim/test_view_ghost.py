@@ -16,7 +16,7 @@ pytest.importorskip("viser", reason="needs the extra view")
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session
-from tega.loop.hand import CommandedHand, ModelledAllegro
+from tega.loop.hand import ModelledAllegro
 from tega.records.bus import Bus
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import SessionFeed
@@ -42,7 +42,6 @@ def completed(folder: Path) -> list[ViewState]:
 
 def test_a_hand_tells_where_it_steers_to_before_it_is_there() -> None:
     hand = ModelledAllegro()
-    assert isinstance(hand, CommandedHand)
     for _ in range(60):
         hand.step(5)
     target = hand.target_rad

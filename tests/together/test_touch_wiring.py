@@ -21,9 +21,10 @@ from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.haptics import contact_type
 from tega.loop import run, run_session
+from tega.loop.inbox.frames import FrameWatch
 from tega.loop.inbox.inputs import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport
-from tega.loop.open_streams import contact_stream
+from tega.loop.open_streams import StreamMaker
 from tega.loop.pacing import Pacer
 from tega.loop.touching import RecordedFingers, Touching
 from tega.recording.mcap_reader import McapReader
@@ -60,19 +61,9 @@ def stream_of(
     start_ns: int = STARTED_NS,
 ) -> Any:
     """Return the stream of a finger's contacts as a run makes it."""
-    return contact_stream(
-        stack,
-        name,
-        finger,
-        metric=metric,
-        fed=False,
-        touching=touching or Touching(),
-        recorded=recorded or RecordedFingers(),
-        start_ns=start_ns,
-        trace=None,
-        bell=None,
-        bus=bus,
-    )
+    maker = StreamMaker(stack, bus, start_ns=start_ns, trace=None, bell=None)
+    maker.touching, maker.recorded = touching or maker.touching, recorded or maker.recorded
+    return maker.contacts(name, finger, metric, fed=False)
 
 
 def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
@@ -172,7 +163,7 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
             ) -> None:
                 to.append(of.loaded)
 
-            beforehand.add(name, finger, metric, observe=observe)
+            beforehand.add(name, finger, metric, FrameWatch(observe=observe))
         for one in beforehand.measured(lambda: False):
             if one.contact is not None:
                 found[one.finger].append(repr(one.contact))

@@ -106,7 +106,7 @@ def explain(
     value, kind, key = tree, wanted, prefix
     for name, index in steps:
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
-        kind = _type_at(kind, name)
+        kind = _fields_at(kind).get(name, Any)
         value = _value_at(value, name, index)
     if (unknown := re.match(r"Object contains unknown field `(.*)`", subject)) is not None:
         name = unknown.group(1)
@@ -114,7 +114,7 @@ def explain(
         if full in CONSTANTS:
             text = f"{_origin(origins, full)}: {full} was taken out in 0.3"
             return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]:g}")
-        known = [*_field_names(kind), *(named("settings") if not key else ())]
+        known = [*_fields_at(kind), *(named("settings") if not key else ())]
         hint = nearest_hint(name, known, "known here:", cutoff=0.5)
         elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
@@ -124,9 +124,8 @@ def explain(
         return ConfigError(f"{_origin(origins, full)}: {full}: unknown key", hint)
     if (missing := re.match(r"Object missing required field `(.*)`", subject)) is not None:
         full = f"{key}.{missing.group(1)}".lstrip(".")
-        return ConfigError(
-            f"{_origin(origins, key)}: {full}: missing", _choices(_type_at(kind, missing.group(1)))
-        )
+        choices = _choices(_fields_at(kind).get(missing.group(1), Any))
+        return ConfigError(f"{_origin(origins, key)}: {full}: missing", choices)
     return ConfigError(f"{_origin(origins, key)}: {_wrong_value(key, value, subject)}", _choices(kind))
 
 
@@ -219,18 +218,10 @@ def _members(kind: Any) -> list[Any]:
     return [kind]
 
 
-def _type_at(kind: Any, name: str) -> Any:
-    for member in _members(kind):
-        if isinstance(member, type) and issubclass(member, msgspec.Struct):
-            return typing.get_type_hints(member, include_extras=True).get(name, Any)
-    return Any
-
-
-def _field_names(kind: Any) -> list[str]:
-    for member in _members(kind):
-        if isinstance(member, type) and issubclass(member, msgspec.Struct):
-            return list(member.__struct_fields__)
-    return []
+def _fields_at(kind: Any) -> dict[str, Any]:
+    """Return the fields of the first table that a type stands for, with their types."""
+    tables = (one for one in _members(kind) if isinstance(one, type) and issubclass(one, msgspec.Struct))
+    return next((typing.get_type_hints(one, include_extras=True) for one in tables), {})
 
 
 def _value_at(value: Any, name: str, index: str) -> Any:

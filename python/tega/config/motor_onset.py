@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from statistics import median
 from typing import Final, NamedTuple
 
@@ -40,10 +39,6 @@ class MotorOnset(NamedTuple):
             f"{self.stage}: {self.ms:.0f} ms ± {self.uncertainty_ms:.0f} "
             f"({which} {', '.join(map(str, self.motors))} of {self.device}); in the stage 'skin'"
         )
-
-    def skin_ms(self, whole: Mapping[str, float | int]) -> dict[str, float | int]:
-        """Return the figures of ``whole`` with the onset added."""
-        return {name: v if name == "n" else round(v + self.ms, 3) for name, v in whole.items()}
 
 
 def motor_onset(config: SessionConfig) -> MotorOnset | None:

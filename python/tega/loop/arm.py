@@ -19,7 +19,7 @@ from tega.devices.base import ArmDriver, DeviceInfo, Tracker
 from tega.devices.registry import driver_class
 from tega.devices.tracker.sources import RatePoses
 from tega.errors import ConfigError
-from tega.loop.arm_records import ArmRecords, ArmView, check
+from tega.loop.arm_records import ArmRecords, ArmView, arm_row, arm_view
 from tega.loop.inbox.inputs import Inputs, Seat
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
@@ -53,7 +53,7 @@ class Steering:
         self._error = ""
         self._was_pressed = self._wants_clear = False
         self._state_s: dict[str, float] = dict.fromkeys(("idle", "following", "holding", "stopped"), 0.0)
-        self._turns = self._late = 0
+        self._turns = self._late = self._start_ns = 0
         self._worst_ms = 0.0
         # Squares of the hand's distance from the target while it follows: their number, sum and greatest.
         self._off_m2 = (0, 0.0, 0.0)
@@ -65,7 +65,7 @@ class Steering:
         Every turn and its command are published from the arm's thread, which calls ``may_move`` at every
         turn: the arm holds while that is false.
         """
-        self._records = ArmRecords(bus, start_ns, self._config.mapping)
+        self._start_ns, self._records = start_ns, ArmRecords(bus, start_ns, self._config.mapping)
         self._thread = threading.Thread(target=self._run, args=(may_move,), name="tega-arm", daemon=True)
         self._thread.start()
 
@@ -181,14 +181,15 @@ class Steering:
     def _take(self, turn: Turn) -> ArmCommand:
         command = lead(self._chain, turn)
         self._arm.follow(command)
-        self._command, self._view = command, check(turn, command, self._arm)
+        row = arm_row(turn, command, self._arm, self._start_ns)
+        self._command, self._view = command, arm_view(row, self._arm.health)
         self._measured = turn.measured
         if command.state == "following" and command.target is not None and turn.measured is not None:
             off_m2 = math.dist(command.target.position_m, turn.measured.position_m) ** 2
             n, all_m2, most_m2 = self._off_m2
             self._off_m2 = (n + 1, all_m2 + off_m2, max(most_m2, off_m2))
         if self._records is not None:
-            self._records.turn(turn, command, self._arm)
+            self._records.turn(row, self._arm)
         return command
 
     def _held(self, name: str) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -41,29 +40,29 @@ class ArmRecords:
     def __init__(self, bus: Bus, start_ns: int, mapping: MappingSettings) -> None:
         self._bus, self._start_ns, self._mapping = bus, start_ns, mapping
         self._begun = False
-        self._measured_ns = self._led_ns = self._health_ns = -1
+        self._measured_ns: int | None = None
+        self._led_ns = self._health_ns = -1
 
-    def turn(self, turn: Turn, command: ArmCommand, arm: ArmDriver) -> None:
-        """Publish a turn and its command."""
-        t_ns = turn.t_ns - self._start_ns
+    def turn(self, row: ArmTurn, arm: ArmDriver) -> None:
+        """Publish a turn with its command, as :func:`arm_row` returns it."""
+        t_ns = row.t_ns
         if not self._begun:
             self._begun = True
             self._axes(t_ns)
-        poses = tuple(self._numbers(pose) for pose in turn.poses)
-        for pose in poses:
+        for pose in row.poses:
             if pose.valid and np.isfinite([*pose.position, *pose.quaternion]).all():
                 self._pose(ForearmPose, t_ns, _TRACKER, pose)
-        self._bus.publish(self._row(turn, command, arm, poses))
-        if (seen := turn.measured) is not None and seen.t_ns != self._measured_ns:
-            self._measured_ns = seen.t_ns
-            self._pose(ArmMeasured, t_ns, _BASE, self._numbers(seen))
-        if command.target is not None:
-            place, turned = (tuple(numbers.tolist()) for numbers in command.target)
-            self._pose(ArmTarget, t_ns, _BASE, PoseNumbers(t_ns, place, turned))
+        self._bus.publish(row)
+        for seen in row.measured:
+            if seen.t_ns != self._measured_ns:
+                self._measured_ns = seen.t_ns
+                self._pose(ArmMeasured, t_ns, _BASE, seen)
+        if row.target:
+            self._pose(ArmTarget, t_ns, _BASE, PoseNumbers(t_ns, row.target[:3], row.target[3:]))
         led = arm.led() if isinstance(arm, TellingArm) else None
         if led is not None and led.t_ns != self._led_ns:
             self._led_ns = led.t_ns
-            self._pose(ArmSent, t_ns, _BASE, self._numbers(led))
+            self._pose(ArmSent, t_ns, _BASE, _numbers(led, self._start_ns))
         if t_ns - self._health_ns >= _HEALTH_NS or self._health_ns < 0:
             self._health_ns = t_ns
             h = arm.health
@@ -76,30 +75,6 @@ class ArmRecords:
                 success_rate=-1.0 if h.success_rate is None else h.success_rate,
             )
             self._bus.publish(health)
-
-    def _row(
-        self, turn: Turn, command: ArmCommand, arm: ArmDriver, poses: tuple[PoseNumbers, ...]
-    ) -> ArmTurn:
-        return ArmTurn(
-            t_ns=turn.t_ns - self._start_ns,
-            poses=poses,
-            clutch=turn.clutch,
-            dead_man=turn.dead_man,
-            may_move=turn.may_move,
-            measured=() if turn.measured is None else (self._numbers(turn.measured),),
-            stopped=turn.stopped,
-            cleared=turn.cleared,
-            phase=arm.phase,
-            **_commanded(command),
-        )
-
-    def _numbers(self, pose: StampedPose) -> PoseNumbers:
-        return PoseNumbers(
-            pose.t_ns - self._start_ns,
-            _listed(pose.position_m),
-            _listed(pose.quaternion_xyzw),
-            bool(pose.valid),
-        )
 
     def _pose(self, kind: type[PoseRecord], t_ns: int, frame: str, pose: PoseNumbers) -> None:
         if len(pose.position) == 3 and len(pose.quaternion) == 4:
@@ -114,6 +89,22 @@ class ArmRecords:
         if np.linalg.det(matrix) > 0:
             turned = tuple(from_matrix(matrix).tolist())
             self._bus.publish(TrackerAxes(t_ns=t_ns, parent=_BASE, child=_TRACKER, quaternion=turned))
+
+
+def arm_row(turn: Turn, command: ArmCommand, arm: ArmDriver, start_ns: int) -> ArmTurn:
+    """Return the record of a turn and its command; ``start_ns`` is the session's start on the monotonic clock."""
+    return ArmTurn(
+        t_ns=turn.t_ns - start_ns,
+        poses=tuple(_numbers(pose, start_ns) for pose in turn.poses),
+        clutch=turn.clutch,
+        dead_man=turn.dead_man,
+        may_move=turn.may_move,
+        measured=() if turn.measured is None else (_numbers(turn.measured, start_ns),),
+        stopped=turn.stopped,
+        cleared=turn.cleared,
+        phase=arm.phase,
+        **_commanded(command),
+    )
 
 
 def turn_of(row: ArmTurn) -> Turn:
@@ -136,6 +127,11 @@ def _commanded(command: ArmCommand) -> dict[str, Any]:
         "target": () if command.target is None else tuple(np.concatenate(command.target).tolist()),
         "velocity": (*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()),
     }
+
+
+def _numbers(pose: StampedPose, start_ns: int) -> PoseNumbers:
+    place, turned = _listed(pose.position_m), _listed(pose.quaternion_xyzw)
+    return PoseNumbers(pose.t_ns - start_ns, place, turned, bool(pose.valid))
 
 
 def _listed(numbers: Any) -> tuple[float, ...]:
@@ -191,28 +187,14 @@ class ArmView(NamedTuple):
         )
 
 
-def check(turn: Turn, command: ArmCommand, arm: ArmDriver) -> ArmView:
+def arm_view(row: ArmTurn, health: Health) -> ArmView:
     """Return the view of an arm's turn."""
-    measured = () if turn.measured is None else tuple(map(float, turn.measured.position_m))
-    target = () if command.target is None else command.target.position_m.tolist()
-    switches = turn.clutch, turn.dead_man
-    return ArmView(
-        command.state, command.reason, arm.phase, *switches, *_placed(measured, target), arm.health
-    )
-
-
-def recorded_check(turn: ArmTurn) -> ArmView:
-    """Return the view of a recorded turn of an arm."""
-    measured = turn.measured[0].position if turn.measured else ()
-    state, switches = cast("ArmState", turn.state), (turn.clutch, turn.dead_man)
-    return ArmView(state, turn.reason, turn.phase, *switches, *_placed(measured, turn.target[:3]), Health())
-
-
-def _placed(
-    measured: Sequence[float], target: Sequence[float]
-) -> tuple[tuple[float, float, float] | None, float | None]:
-    """Return the position of the hand, metres, and its distance from the target, millimetres."""
-    if len(measured) != 3:
-        return None, None
-    x, y, z = measured
-    return (x, y, z), 1e3 * math.dist(measured, target) if len(target) == 3 else None
+    measured, target = row.measured[0].position if row.measured else (), row.target[:3]
+    hand_m: tuple[float, float, float] | None = None
+    behind_mm = None
+    if len(measured) == 3:
+        x, y, z = measured
+        hand_m = x, y, z
+        behind_mm = 1e3 * math.dist(measured, target) if len(target) == 3 else None
+    state = cast("ArmState", row.state)
+    return ArmView(state, row.reason, row.phase, row.clutch, row.dead_man, hand_m, behind_mm, health)

@@ -131,18 +131,6 @@ class MotorTests:
         self._answered.set()
 
 
-def _no() -> bool:
-    return False
-
-
-def _yes() -> bool:
-    return True
-
-
-def _as_set() -> None:
-    return None
-
-
 @dataclass(frozen=True, kw_only=True)
 class Controls:
     """Controls of a run, each called at every tick.
@@ -156,9 +144,9 @@ class Controls:
         motor_tests: Takes wishes to feel one motor of the vest while the run is armed.
     """
 
-    stop: Callable[[], bool] = _no
-    go: Callable[[], bool] = _yes
-    haptics: Callable[[], bool] = _yes
-    authority: Callable[[], float | None] = _as_set
-    level: Callable[[], float | None] = _as_set
+    stop: Callable[[], bool] = lambda: False
+    go: Callable[[], bool] = lambda: True
+    haptics: Callable[[], bool] = lambda: True
+    authority: Callable[[], float | None] = lambda: None
+    level: Callable[[], float | None] = lambda: None
     motor_tests: MotorTests = field(default_factory=MotorTests)

@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from contextlib import ExitStack
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy import fft  # it would else be imported by the first look, in the middle of a run
@@ -128,13 +128,17 @@ class ConditionWatch:
             if len(self._first[k]) < _FIRST_S:
                 self._first[k].append(float(median_hz[k]))
         slopes = [self._slope(k) for k in range(len(self._names))]
-        change = self._pattern_change(shares)
+        change, sentences = self._pattern_change(shares), self._tired(slopes)
+        if change > MOVED:  # NaN is not
+            sentences.append(
+                "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
+            )
         return MuscleCondition(
             t_ns=t_ns,
             median_hz=tuple(median_hz.tolist()),
             slope_percent_per_min=tuple(slopes),
             pattern_change=change,
-            said="; ".join([*self._tired(slopes), *self._moved(change)]),
+            said="; ".join(sentences),
         )
 
     def _slope(self, k: int) -> float:
@@ -176,14 +180,6 @@ class ConditionWatch:
         now = _middle(list(patterns)[-_PATTERNS_S:])
         return float(np.abs(now - usual).sum() / 2)
 
-    @staticmethod
-    def _moved(change: float) -> list[str]:
-        if not change > MOVED:  # NaN is not either
-            return []
-        return [
-            "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
-        ]
-
 
 def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     """Return the median share of each channel, all of them together 1."""
@@ -201,8 +197,7 @@ class MuscleAlert:
 
     def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
         self._watch, self._bus, self.said = ConditionWatch(maxima), bus, ""
-        how: dict[str, Any] = {} if backlog is None else {"backlog": backlog}
-        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", **how)
+        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", backlog=backlog)
 
     def _take(self, given: EmgSamples) -> None:
         for condition in self._watch.take(chunk_of(given)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,23 +36,13 @@ class Hand(Protocol):
         ...
 
 
-@runtime_checkable
-class CommandedHand(Hand, Protocol):
-    """A hand that reports its target joint angles; the page draws them beside the measured ones."""
-
-    @property
-    def target_rad(self) -> NDArray[np.float64] | None:
-        """Joint targets of the last tick, float64 (16,), in radians; ``None`` before the first."""
-        ...
-
-
 class ModelledAllegro:
     """The frames that would go to an Allegro Hand v4 if its joints moved as an ideal model's do.
 
     The hand accepts torques only, so the joint angles have to be known. Without a hand they come from a model
     without load, contact or friction: the frames are those that would be sent, not the response of a real
     hand. ``device_id`` is the hand's number on its bus, 0 to 3; ``framed`` is whether there are frames while it
-    moves, or angles only.
+    moves, or angles only; ``angles_rad`` are the model's joint angles, float64 (16,), in radians.
     """
 
     label = "modelled: torques from an ideal joint model, no hand's angles were read"
@@ -60,12 +50,7 @@ class ModelledAllegro:
     def __init__(self, *, device_id: int = 0, framed: bool = True) -> None:
         self._device_id, self._framed = device_id, framed
         self._hand = ModelledHand()
-        self._angles: NDArray[np.float64] = self._hand.model.angles_rad
-
-    @property
-    def angles_rad(self) -> NDArray[np.float64]:
-        """The model's joint angles, float64 (16,), in radians."""
-        return self._angles
+        self.angles_rad: NDArray[np.float64] = self._hand.model.angles_rad
 
     @property
     def target_rad(self) -> NDArray[np.float64] | None:
@@ -74,7 +59,7 @@ class ModelledAllegro:
 
     def step(self, level: float, added: float = 0.0) -> list[CanFrame]:
         """Go on by one tick of 3 ms; ``level`` is 1 to 5, with fractions between two poses."""
-        self._angles, torques = self._hand.step(level, added)
+        self.angles_rad, torques = self._hand.step(level, added)
         return allegro_torque_frames(torques, device_id=self._device_id) if self._framed else []
 
     def limp(self) -> list[CanFrame]:

@@ -32,7 +32,7 @@ whole     sample to that motion
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final
 
 from tega.config.motor_onset import MotorOnset
@@ -107,12 +107,8 @@ class LatencyTrace:
         self._block: tuple[int, ...] | None = None
         self._joints = joints
         self._asking: tuple[int, ...] | None = None
-        self.spreads = {
-            "touch": _spreads(TOUCH_STAGES),
-            "intent": _spreads(INTENT_STAGES),
-            "motion": _spreads(MOTION_STAGES),
-        }
-        self._live = {"touch": _spreads(TOUCH_STAGES), "motion": _spreads(MOTION_STAGES)}
+        self.spreads = _spreads(touch=TOUCH_STAGES, intent=INTENT_STAGES, motion=MOTION_STAGES)
+        self._live = _spreads(touch=TOUCH_STAGES, motion=MOTION_STAGES)
         self._live_until_ns = _LIVE_NS
         self._bus = Bus() if bus is None else bus
         self.warning = self.last_warning = self.line = ""
@@ -167,9 +163,14 @@ class LatencyTrace:
             self._reported_ns = made_ns
             self.line = self._text()
         if made_ns >= self._live_until_ns:
-            self.warning = "; ".join(filter(None, (self._over_budget(), self._joint_over_budget())))
+            ours = ["contact", "map", "hand-over"] + (["wait", "held"] if self._limited == "in-hand" else [])
+            found = (
+                self._over("touch", self._limited, self._budget_ns, "our part of camera to vest", ours),
+                self._over("motion", "whole", self._joint_budget_ns, "muscle to joint", MOTION_STAGES[:-1]),
+            )
+            self.warning = "; ".join(filter(None, found))
             self.last_warning = self.warning or self.last_warning
-            self._live = {"touch": _spreads(TOUCH_STAGES), "motion": _spreads(MOTION_STAGES)}
+            self._live = _spreads(touch=TOUCH_STAGES, motion=MOTION_STAGES)
             self._live_until_ns = made_ns + _LIVE_NS
 
     @property
@@ -227,7 +228,8 @@ class LatencyTrace:
             if stages["whole"].n
         }
         if self.motor is not None and "touch" in found:
-            found["touch"][SKIN] = self.motor.skin_ms(found["touch"]["whole"])
+            whole, ms = found["touch"]["whole"], self.motor.ms
+            found["touch"][SKIN] = {name: v if name == "n" else round(v + ms, 3) for name, v in whole.items()}
         return found
 
     def _displayed(self, tick_ns: int, free_ns: int, handed_ns: int) -> None:
@@ -258,27 +260,17 @@ class LatencyTrace:
                 live[stage].add(ns)
         self._bus.publish(route)
 
-    def _over_budget(self) -> str:
-        live = self._live["touch"]
-        limited = live[self._limited]
-        if not limited.n or limited.at(0.99) <= self._budget_ns:
+    def _over(self, path: str, limited: str, budget_ns: float, subject: str, stages: Sequence[str]) -> str:
+        """Say by how much the newest five seconds of a path are over their budget; ``""`` if they are not."""
+        live = self._live[path]
+        spread = live[limited]
+        if not spread.n or spread.at(0.99) <= budget_ns:
             return ""
-        stages = ["contact", "map", "hand-over"] + (["wait", "held"] if self._limited == "in-hand" else [])
         worst = max(stages, key=lambda stage: live[stage].at(0.99))
+        ms = f"{spread.at(0.99) / 1e6:.{1 if path == 'touch' else 0}f}"
         return (
-            f"latency: our part of camera to vest takes {limited.at(0.99) / 1e6:.1f} ms ({_figure(limited)}), "
-            f"{self._budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
-        )
-
-    def _joint_over_budget(self) -> str:
-        live = self._live["motion"]
-        whole = live["whole"]
-        if not whole.n or whole.at(0.99) <= self._joint_budget_ns:
-            return ""
-        worst = max(MOTION_STAGES[:-1], key=lambda stage: live[stage].at(0.99))
-        return (
-            f"latency: muscle to joint takes {whole.at(0.99) / 1e6:.0f} ms ({_figure(whole)}), "
-            f"{self._joint_budget_ns / 1e6:g} ms are allowed; most in {worst!r}"
+            f"latency: {subject} takes {ms} ms ({_figure(spread)}), {budget_ns / 1e6:g} ms are allowed; "
+            f"most in {worst!r}"
         )
 
 
@@ -287,5 +279,5 @@ def _figure(spread: Histogram) -> str:
     return f"p99 of {spread.n}" if spread.n >= LEAST_SAMPLES else f"worst of {spread.n}"
 
 
-def _spreads(stages: Sequence[str]) -> Mapping[str, Histogram]:
-    return {stage: Histogram() for stage in stages}
+def _spreads(**paths: Sequence[str]) -> dict[str, dict[str, Histogram]]:
+    return {path: {stage: Histogram() for stage in stages} for path, stages in paths.items()}

@@ -159,7 +159,7 @@ class DualLoop:
                     self._tick(t_ns, hand=with_hand and step_at_ns == t_ns, vest=vest_at_ns == t_ns)
         except BaseException as error:
             report.end_ns = last_ns
-            for problem in self._leave(last_ns, _failure(error)):
+            for problem in self._leave(last_ns, f"stopped: {_text(error)}"):
                 error.add_note(f"on the way out: {problem}")
             raise
         report.end_ns = last_ns
@@ -319,10 +319,6 @@ class DualLoop:
             except BaseException as error:  # of a vital subscriber; reported by the caller
                 problems.append(error)
         return problems
-
-
-def _failure(error: BaseException) -> str:
-    return f"stopped: {_text(error)}"
 
 
 def _text(error: BaseException) -> str:

@@ -30,23 +30,6 @@ LATE_EDGES_NS: Final = tuple(round(1e6 * edge_ms) for edge_ms in (0.1, 0.2, 0.5,
 """Upper bounds of the bins in which late ticks are counted, nanoseconds; one more bin counts later ones."""
 
 
-class PacingReport(msgspec.Struct, frozen=True, kw_only=True):
-    """Report of how well the clock was kept.
-
-    Attributes:
-        n_ticks: Deadlines waited for.
-        n_overruns: Deadlines that were more than one hand tick (3 ms) late.
-        n_skipped: Deadlines left out because the loop was more than 100 ms late.
-        n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
-    """
-
-    n_ticks: int
-    n_overruns: int
-    n_skipped: int
-    worst_late_ms: float
-    n_late: tuple[int, ...]
-
-
 class Pacer:
     """Waits for absolute deadlines on a clock; with a manual clock it never sleeps.
 
@@ -55,15 +38,19 @@ class Pacer:
         late_ns: Lateness of the newest tick.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
         n_waits: Deadlines waited for, with those left out.
+        n_ticks: Deadlines waited for.
+        n_overruns: Deadlines that were more than one hand tick (3 ms) late.
+        n_skipped: Deadlines left out because the loop was more than 100 ms late.
+        worst_ns: Lateness of the latest.
+        n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
     """
 
     def __init__(self, clock: Clock, *, bell: Bell | None = None) -> None:
         self._clock = clock
         self.bell = bell
         self.start_ns = clock.now_ns()
-        self._n_ticks = self._n_overruns = self._n_skipped = 0
-        self._worst_ns = 0
-        self._n_late = [0] * (len(LATE_EDGES_NS) + 1)
+        self.n_ticks = self.n_overruns = self.n_skipped = self.worst_ns = 0
+        self.n_late = [0] * (len(LATE_EDGES_NS) + 1)
         self.late_ns = self.tick_ns = self.n_waits = 0
 
     def start(self) -> int:
@@ -97,26 +84,14 @@ class Pacer:
         self.tick_ns = t_ns
         self.n_waits += 1
         self.late_ns = late_ns = self.elapsed_ns() - t_ns
-        self._n_late[bisect_left(LATE_EDGES_NS, late_ns)] += 1
+        self.n_late[bisect_left(LATE_EDGES_NS, late_ns)] += 1
+        self.worst_ns = max(self.worst_ns, late_ns)
         if late_ns > CATCH_UP_NS:
-            self._n_skipped += 1
-            self._worst_ns = max(self._worst_ns, late_ns)
+            self.n_skipped += 1
             return False
-        self._n_ticks += 1
-        if late_ns > _OVERRUN_NS:
-            self._n_overruns += 1
-        self._worst_ns = max(self._worst_ns, late_ns)
+        self.n_ticks += 1
+        self.n_overruns += late_ns > _OVERRUN_NS
         return True
-
-    def report(self) -> PacingReport:
-        """Sum up how well the clock was kept."""
-        return PacingReport(
-            n_ticks=self._n_ticks,
-            n_overruns=self._n_overruns,
-            n_skipped=self._n_skipped,
-            worst_late_ms=self._worst_ns / 1e6,
-            n_late=tuple(self._n_late),
-        )
 
 
 def refuse_live(info: DeviceInfo, pace: Literal["fast", "real"]) -> None:

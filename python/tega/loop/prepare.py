@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -46,7 +47,9 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
     if given is not None:
         baseline = read_image(given, driver=source.info.driver)
         if not source.info.live:
-            pictures = _few(source)
+            # A few: decoding a whole video would take long.
+            stride = min(MOST_STRIDE, max(1, (source.info.n_items or 1) // FEW_FRAMES))
+            pictures = _frames(source, stride, FEW_FRAMES)
             source.open()
             check_baseline(baseline, pictures, name=given.name, label=source.info.label)
         return baseline, given.name
@@ -55,7 +58,7 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
             f"finger {finger!r} has a live sensor and no baseline",
             "calibrate it (tega-teleop calibrate), or name a picture of the untouched gel",
         )
-    frames = _spread(source)
+    frames = _frames(source, None)
     n_items = source.info.n_items
     source.open()
     if not frames:
@@ -68,29 +71,16 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
     return estimate_baseline(frames), text
 
 
-def _few(source: TactileSource) -> list[NDArray[np.uint8]]:
-    """Read a few frames from the first ones on, with distances between them; decoding a whole video would take long."""
+def _frames(source: TactileSource, stride: int | None, most: float = math.inf) -> list[NDArray[np.uint8]]:
+    """Read frames from the first one on at even distances; ``None`` spreads as many as fit over the recording."""
     frames: list[NDArray[np.uint8]] = []
-    stride = min(MOST_STRIDE, max(1, (source.info.n_items or 1) // FEW_FRAMES))
-    while not source.ended and len(frames) < FEW_FRAMES:
-        frame = source.read(0.0)
-        if frame is not None:
-            frames.append(frame.image)
-            _pass_over(source, stride - 1)
-    return frames
-
-
-def _spread(source: TactileSource) -> list[NDArray[np.uint8]]:
-    """Read frames at even distances over a recording, as many as fit."""
-    frames: list[NDArray[np.uint8]] = []
-    stride = 1
-    while not source.ended:
+    while not source.ended and len(frames) < most:
         frame = source.read(0.0)
         if frame is None:
             continue
-        if not frames:
-            most = min(MOST_FRAMES, max(LEAST_FRAMES, MOST_BYTES // frame.image.nbytes))
-            stride = max(1, -(-(source.info.n_items or 1) // most))
+        if stride is None:
+            fit = min(MOST_FRAMES, max(LEAST_FRAMES, MOST_BYTES // frame.image.nbytes))
+            stride = max(1, -(-(source.info.n_items or 1) // fit))
         frames.append(frame.image)
         _pass_over(source, stride - 1)
     return frames

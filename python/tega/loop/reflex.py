@@ -139,7 +139,8 @@ class ReflexArc:
         held_back = not now.allowed or self._firmest - own >= _LOOSENED
         target = authority * self._s.most_levels * max(wish, 0.0) if holding and not held_back else 0.0
         back = wish < 0 or held_back or authority < self._authority
-        added = min(max(target, self._fallen(dt_s, back=back)), self.added + self._s.rise_levels_per_s * dt_s)
+        fall = max(_BACK_LEVELS_PER_S, self._s.fall_levels_per_s) if back else self._s.fall_levels_per_s
+        added = min(max(target, self.added - fall * dt_s), self.added + self._s.rise_levels_per_s * dt_s)
         if own <= _OPEN:
             added = 0.0
         self.added = min(max(added, 0.0), self._s.most_levels, _CLOSED - own)
@@ -169,11 +170,6 @@ class ReflexArc:
             text = f"+{self.added:.2f} levels added, {text}"
             text += f" ({self.reflex.cause})" if self.reflex.cause else ""
         return view._replace(reflex=text)
-
-    def _fallen(self, dt_s: float, *, back: bool) -> float:
-        """Return the remaining addition after a step without a cause."""
-        rate = max(_BACK_LEVELS_PER_S, self._s.fall_levels_per_s) if back else self._s.fall_levels_per_s
-        return self.added - rate * dt_s
 
 
 def open_reflex(

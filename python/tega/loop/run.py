@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack, closing
+from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
@@ -16,16 +16,15 @@ from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
-from tega.loop.open_streams import contact_stream, is_fed, latency_trace, level_stream
+from tega.loop.open_streams import StreamMaker, is_fed, latency_trace
 from tega.loop.outputs import HandOutput, VestOutput
 from tega.loop.pacing import Pacer, settle
 from tega.loop.parts import RunStart
-from tega.loop.reflex import ReflexArc, open_reflex
+from tega.loop.reflex import open_reflex
 from tega.loop.rig import Rig
-from tega.loop.snapshot import LoopView, Moments, Snapshot
+from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.summary import RunFacts, summarise
 from tega.loop.touch import touch_loop
-from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Alert, Event, RunState, Value
 from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
@@ -73,12 +72,9 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
     metrics = {name: _metric(rig, name) for name in unmeasured}
     fed = {name: is_fed(finger, partial(_metric, rig, name)) for name, finger in prepared.fingers.items()}
-    touch = touch_loop(
-        config,
-        prepared.calibration,
-        prepared.fingers,
-        find_events=rig.bus.wants(Snapshot) or rig.bus.wants(Event),
-    )
+    touch = touch_loop(config, prepared.calibration, prepared.fingers)
+    if rig.bus.wants(Snapshot) or rig.bus.wants(Event):
+        touch.find_events()
     start_ns = pacer.start()
     trace = None
     if isinstance(clock, SystemClock):
@@ -102,7 +98,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     if rig.steering is not None:
         rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active")
         flows.callback(rig.steering.stop)
-    touching, recorded = Touching(), flows.enter_context(closing(RecordedFingers()))
+    streams = StreamMaker(flows, rig.bus, start_ns=start_ns, trace=trace, bell=bell)
     reflex = open_reflex(
         config,
         rig.bus,
@@ -116,31 +112,12 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         pacer=pacer,
         touch=touch,
         contacts={
-            name: contact_stream(
-                flows,
-                name,
-                finger,
-                metric=metrics.get(name),
-                fed=fed[name],
-                touching=touching,
-                recorded=recorded,
-                start_ns=start_ns,
-                trace=trace,
-                bell=bell,
-                bus=rig.bus,
-            )
+            name: streams.contacts(name, finger, metrics.get(name), fed=fed[name])
             for name, finger in prepared.fingers.items()
         },
         levels=None
         if muscles is None
-        else level_stream(
-            flows,
-            muscles,
-            start_ns=start_ns,
-            trace=trace,
-            bus=rig.bus,
-            adaptation=open_adaptation(config, muscles, rig.bus),
-        ),
+        else streams.levels(muscles, open_adaptation(config, muscles, rig.bus)),
         hand=HandOutput(model, sinks.hands, bus=rig.bus, reflex=reflex, trace=trace),
         vest=VestOutput(
             touch,
@@ -164,7 +141,9 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             guard=guard,
             trace=trace,
             devices=rig.devices,
-            complete=_displayed(rig, reflex),
+            complete=[
+                one.displayed for one in (reflex, rig.sinks, rig.steering, *rig.parts) if one is not None
+            ],
         ),
         poll_hand=prepared.poll_hand
         or open_hand_polls(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
@@ -172,8 +151,8 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
 
     def conclude(error: BaseException | None) -> dict[str, Any]:
         flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer.report(), trace, real_time, reflex)
-        return _conclude(stack, facts, error, n_waits=pacer.n_waits)
+        facts = RunFacts(rig, layout, pace, loop.report, pacer, trace, real_time, reflex)
+        return _conclude(stack, facts, error)
 
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
@@ -183,16 +162,6 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         conclude(error)
         raise
     return conclude(None)
-
-
-def _displayed(rig: Rig, reflex: ReflexArc | None) -> list[Callable[[LoopView], LoopView]]:
-    """Return the functions that add to a view of the loop, such as link, arm and reflex."""
-    return [
-        *([] if reflex is None else [reflex.displayed]),
-        rig.sinks.displayed,
-        *([] if rig.steering is None else [rig.steering.displayed]),
-        *(part.displayed for part in rig.parts),
-    ]
 
 
 def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
@@ -230,15 +199,13 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
     return pace, Bell() if live and pace == "by-frame" else None
 
 
-def _conclude(
-    stack: ExitStack, state: RunFacts, error: BaseException | None, *, n_waits: int
-) -> dict[str, Any]:
+def _conclude(stack: ExitStack, state: RunFacts, error: BaseException | None) -> dict[str, Any]:
     """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
     summary = summarise(state, error=error)
     with ExitStack() as ending:
         for part in state.rig.parts:
             ending.callback(part.finish, summary)
         for part in state.rig.parts:
-            ending.callback(part.ended, state.loop, n_waits)
+            ending.callback(part.ended, state.loop, state.pacing.n_waits)
         stack.pop_all().close()  # tables and recordings are complete before the summary says so
     return summary

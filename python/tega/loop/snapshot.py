@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
+from tega.devices.base import optional
 from tega.haptics import MotorLevels
 from tega.loop.arm_records import ArmView
-from tega.loop.hand import CommandedHand, Hand
+from tega.loop.hand import Hand
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
@@ -129,7 +130,6 @@ class Moments:
     ) -> None:
         self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
-        self._commanded = hand if isinstance(hand, CommandedHand) else None
         self._devices = devices
         self._displayed: Snapshot | None = None
         self._event: Event | None = None
@@ -153,14 +153,19 @@ class Moments:
     ) -> None:
         """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
-        target_rad = None if self._commanded is None else self._commanded.target_rad
+        target_rad = optional(self._hand, "target_rad")
         view = LoopView(
             t_ns,
             newest,
             vest,
             intent,
             None if self._hand is None else self._hand.angles_rad.tolist(),
-            _counts(report),
+            {
+                "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
+                "levels": report.n_blocks,
+                "hand": report.n_hand_ticks,
+                "vest": report.n_vest_ticks + report.n_vest_between,
+            },
             inputs={} if self._inputs is None else self._inputs.seen,
             event=self._event,
             target_rad=None if target_rad is None else target_rad.tolist(),
@@ -199,12 +204,3 @@ class Moments:
 
     def _note_event(self, event: Event) -> None:
         self._event = event
-
-
-def _counts(report: LoopReport) -> dict[str, int]:
-    return {
-        "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
-        "levels": report.n_blocks,
-        "hand": report.n_hand_ticks,
-        "vest": report.n_vest_ticks + report.n_vest_between,
-    }

@@ -14,7 +14,7 @@ from tega.haptics import Layout
 from tega.loop.hand import HAND_TICK_NS, ModelledAllegro
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.latency import LatencyTrace
-from tega.loop.pacing import LoopReport, PacingReport
+from tega.loop.pacing import LoopReport, Pacer
 from tega.loop.reflex import ReflexArc
 from tega.loop.rig import Rig
 from tega.loop.touch import STALE_NS
@@ -34,7 +34,7 @@ class RunFacts(NamedTuple):
     layout: Layout
     pace: Pace
     loop: LoopReport
-    pacing: PacingReport
+    pacing: Pacer
     trace: LatencyTrace | None
     real_time: bool
     reflex: ReflexArc | None = None
@@ -98,8 +98,8 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             "ticks": pacing.n_ticks,
             "overruns": pacing.n_overruns,
             "skipped": pacing.n_skipped,
-            "worst_late_ms": pacing.worst_late_ms,
-            "late": pacing.n_late,
+            "worst_late_ms": pacing.worst_ns / 1e6,
+            "late": tuple(pacing.n_late),
             "real_time": state.real_time,
         }
     summary["safety"] = state.rig.guard.summary()
@@ -159,10 +159,8 @@ def _emg(state: RunFacts) -> dict[str, Any] | None:
 
 def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
     sinks = state.rig.sinks
-    if kind == "vest":
-        infos = [sink.info for sink in (*sinks.live_vests, *sinks.vests)]
-    else:
-        infos = [hand.info for hand in (*([] if sinks.steered is None else [sinks.steered]), *sinks.hands)]
+    vests, hands = (*sinks.live_vests, *sinks.vests), (sinks.steered, *sinks.hands)
+    infos = [sink.info for sink in (vests if kind == "vest" else hands) if sink is not None]
     return [info.driver for info in (*infos, *(table for table in sinks.tables if table.kind == kind))]
 
 

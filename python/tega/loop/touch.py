@@ -170,27 +170,18 @@ class TouchLoop:
         return MotorLevels(self._layout, intensities)
 
 
-def touch_loop(
-    config: SessionConfig, calibration: Calibration, fingers: Iterable[str], *, find_events: bool = False
-) -> TouchLoop:
-    """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use.
-
-    With ``find_events`` events are detected whether or not the mapping wants them; the detector is then
-    loaded before the run's first tick.
-    """
+def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use."""
     vest = config.vest
     maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
     preset = config.session.preset
-    loop = TouchLoop(
+    return TouchLoop(
         maxima,
         layout=vest.layout or DEFAULT_LAYOUT[preset],
         mirror=vest.mirror,
         felt=felt_map(vest),
         mapping=vest_mapping(config.stages, preset),
     )
-    if find_events:
-        loop.find_events()
-    return loop
 
 
 def _events(detector: Detector, contact: Contact) -> Sequence[Event]:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator, Iterator
 from typing import Final, NamedTuple, cast
 
 from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
-from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.frames import UNWATCHED, FrameMeter, FrameWatch, measured_contacts
 from tega.loop.inbox.inputs import Finger
 from tega.loop.inbox.reader import READ_TIMEOUT_S, ReadAhead
 from tega.loop.touch import STALE_NS
@@ -69,14 +69,11 @@ class RecordedFingers:
         name: str,
         finger: Finger,
         metric: Metric,
-        *,
-        observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-        notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+        watch: FrameWatch = UNWATCHED,
     ) -> None:
         """Add a finger whose source is not live, before anything is measured.
 
-        ``observe`` is called with each frame and its time of reception, before it is measured, when the
-        metric knows whether it is ``loaded``; ``notify`` with each measured frame and its contact.
+        When ``watch`` observes a frame, the metric knows whether it is ``loaded``.
         """
 
         def measure_beside(frame: TactileFrame) -> None:
@@ -84,18 +81,14 @@ class RecordedFingers:
 
         def notify_others(frame: TactileFrame, contact: Contact) -> None:
             self._touching.note(name, contact.t_ns, bears_load=metric.bears_load)
-            notify(frame, contact)
+            watch.notify(frame, contact)
 
         self._pictures[name] = pictures = _TimedPictures(name, finger.source)
         self._waiting[name] = deque()
         self._contacts[name] = measured_contacts(
             cast("TactileSource", pictures),  # what is not live is not opened again
-            finger.baseline,
-            metric,
-            finger.report,
-            prepare=measure_beside,
-            observe=observe,
-            notify=notify_others,
+            FrameMeter(finger.baseline, metric, finger.report, live=False),
+            watch._replace(prepare=measure_beside, notify=notify_others),
         )
 
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:

@@ -103,7 +103,16 @@ class KeptDose:
 
 
 def _of_the_day(file: Path, now_s: float) -> list[_Run]:
-    return [run for run in _read(file) if now_s - run.ended_s < DAY_S]
+    try:
+        runs = parse_json(read_foreign(file, most_mib=1, error=CalibrationError), list[_Run])
+    except FileNotFoundError:
+        return []
+    except (OSError, msgspec.MsgspecError) as error:
+        raise CalibrationError(
+            f"{file.name}: the vibration dose of the last day cannot be read: {error}",
+            "delete the file if this person has not worn the vest for a day",
+        ) from error
+    return [run for run in runs if now_s - run.ended_s < DAY_S]
 
 
 def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -115,18 +124,6 @@ def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDAr
         cooled = math.exp(-max(0.0, now_s - run.ended_s) / HEAT_TAU_S)
         heat = np.maximum(heat, cooled * np.array(run.heat))
     return dose_s, heat
-
-
-def _read(file: Path) -> list[_Run]:
-    try:
-        return parse_json(read_foreign(file, most_mib=1, error=CalibrationError), list[_Run])
-    except FileNotFoundError:
-        return []
-    except (OSError, msgspec.MsgspecError) as error:
-        raise CalibrationError(
-            f"{file.name}: the vibration dose of the last day cannot be read: {error}",
-            "delete the file if this person has not worn the vest for a day",
-        ) from error
 
 
 NAMELESS: Final = "nameless-vest-dose.json"

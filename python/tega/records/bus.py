@@ -24,6 +24,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import msgspec
@@ -40,19 +41,14 @@ DROPS_REPORTED_S = 10.0
 Kind = TypeVar("Kind", bound=msgspec.Struct)
 
 
+@dataclass(slots=True, eq=False)
 class _Subscription:
-    def __init__(
-        self,
-        topic: type[msgspec.Struct],
-        function: Callable[[Any], object],
-        name: str,
-        *,
-        vital: bool,
-        backlog: Backlog | None,
-    ) -> None:
-        self.topic, self.function, self.name = topic, function, name
-        self.vital, self.backlog = vital, backlog
-        self.left_out = False
+    topic: type[msgspec.Struct]
+    function: Callable[[Any], object]
+    name: str
+    vital: bool
+    backlog: Backlog | None
+    left_out: bool = False
 
 
 class Bus:

@@ -27,7 +27,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal
 
@@ -37,6 +37,8 @@ Rank = Literal["hand", "act", "measure", "beside", "picture"]
 
 # Low among real-time threads: the kernel's own, of drivers and interrupts, go first.
 _PRIORITY: Final[dict[Rank, int]] = {"hand": 9, "act": 8, "measure": 6, "beside": 4, "picture": 2}
+# As Linux numbers its policies; elsewhere none of them is asked for.
+_OTHER, _FIFO, _RR, _RESET_ON_FORK = 0, 1, 2, 0x40000000
 _SWEEP_S = 1.0
 _TURN_S = 0.0005
 
@@ -83,20 +85,15 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
 
     ``inherited`` means that threads started in the block keep it; none of them may start a process.
     """
-    if sys.platform != "linux" or not _possible():
-        yield False
-        return
-    before, how = os.sched_getscheduler(0), os.sched_getparam(0)
-    if _is_realtime(before) and how.sched_priority >= _PRIORITY[rank]:
-        yield True
-        return
-    if not _set(0, rank, inherited=inherited):
-        yield False
+    how = _how(0) if _state["allowed"] else None
+    has_it = how is not None and _is_realtime(how) and how[1] >= _PRIORITY[rank]
+    if how is None or has_it or not _set(0, rank, inherited=inherited):
+        yield has_it
         return
     try:
         yield True
     finally:
-        os.sched_setscheduler(0, before, how)
+        _put(0, *how)
 
 
 @contextmanager
@@ -105,18 +102,15 @@ def give_way() -> Iterator[None]:
 
     A thread without a rank stays as it is.
     """
-    if sys.platform != "linux" or not _possible():
-        yield
-        return
-    before, how = os.sched_getscheduler(0), os.sched_getparam(0)
-    if not _is_realtime(before):
+    how = _how(0) if _state["allowed"] else None
+    if how is None or not _is_realtime(how):
         yield
         return
     _set(0, "picture")
     try:
         yield
     finally:
-        os.sched_setscheduler(0, before, how)
+        _put(0, *how)
 
 
 def promote(thread: threading.Thread, rank: Rank) -> bool:
@@ -135,7 +129,9 @@ def all_along() -> Iterator[None]:
     def sweep() -> None:
         for thread in threading.enumerate():
             tid = thread.native_id
-            if tid is not None and _is_ordinary(tid) and promote(thread, "beside"):
+            how = None if tid is None else _how(tid)
+            is_ordinary = how is not None and how[0] & ~_RESET_ON_FORK == _OTHER
+            if tid is not None and is_ordinary and promote(thread, "beside"):
                 brought.add(tid)
 
     try:
@@ -144,7 +140,7 @@ def all_along() -> Iterator[None]:
     finally:
         for left in threading.enumerate():
             if left.native_id in brought:
-                _ordinary(left.native_id)
+                _put(left.native_id, _OTHER, 0)
 
 
 @contextmanager
@@ -154,71 +150,54 @@ def restored() -> Iterator[None]:
     The video encoder SVT-AV1 does so where it runs as root: it puts the calling thread, and so every process that is
     started from it afterwards, and all threads of its own before everything on the machine, a running loop included.
     """
-    if sys.platform != "linux":
-        yield
-        return
     before = {tid: how for tid in _threads() if (how := _how(tid)) is not None}
     try:
         yield
     finally:
         for tid in _threads():
             how = _how(tid)
-            if how is None or how == before.get(tid) or how[0] & ~os.SCHED_RESET_ON_FORK != os.SCHED_FIFO:
-                continue  # ours are SCHED_RR
-            with suppress(OSError):  # it has ended
-                policy, priority = before.get(tid, (os.SCHED_OTHER, 0))
-                os.sched_setscheduler(tid, policy, os.sched_param(priority))
+            if (
+                how is not None and how != before.get(tid) and how[0] & ~_RESET_ON_FORK == _FIFO
+            ):  # ours are SCHED_RR
+                _put(tid, *before.get(tid, (_OTHER, 0)))
 
 
 def _threads() -> list[int]:
-    """Return all threads of this program, a library's as well."""
-    return [int(task.name) for task in Path("/proc/self/task").iterdir()]
+    """Return all threads of this program, a library's as well; none where there is no ``/proc``."""
+    return [int(task.name) for task in Path("/proc/self/task").glob("*")]
 
 
 def _how(tid: int) -> tuple[int, int] | None:
+    """Return a thread's policy and priority; ``None`` once it has ended, and for another system."""
     if sys.platform != "linux":
         return None
     try:
         return os.sched_getscheduler(tid), os.sched_getparam(tid).sched_priority
-    except OSError:  # it has ended
+    except OSError:
         return None
+
+
+def _put(tid: int, policy: int, priority: int) -> bool:
+    """Give a thread a policy and a priority; false if that is not allowed, or it has ended."""
+    if sys.platform != "linux":
+        return False
+    try:
+        os.sched_setscheduler(tid, policy, os.sched_param(priority))
+    except OSError:
+        return False
+    return True
+
+
+def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
+    return _put(tid, _RR if inherited else _RR | _RESET_ON_FORK, _PRIORITY[rank])
 
 
 def _possible() -> bool:
     return sys.platform == "linux" and _state["allowed"]
 
 
-def _is_realtime(policy: int) -> bool:
-    if sys.platform != "linux":
-        return False
-    return policy & ~os.SCHED_RESET_ON_FORK in {os.SCHED_FIFO, os.SCHED_RR}
-
-
-def _is_ordinary(tid: int) -> bool:
-    if sys.platform != "linux":
-        return True
-    how = _how(tid)
-    return how is not None and how[0] & ~os.SCHED_RESET_ON_FORK == os.SCHED_OTHER
-
-
-def _set(tid: int, rank: Rank, *, inherited: bool = False) -> bool:
-    if sys.platform != "linux":
-        return False
-    policy = os.SCHED_RR if inherited else os.SCHED_RR | os.SCHED_RESET_ON_FORK
-    try:
-        os.sched_setscheduler(tid, policy, os.sched_param(_PRIORITY[rank]))
-    except OSError:  # not allowed, or it has ended
-        return False
-    return True
-
-
-def _ordinary(tid: int) -> None:
-    if sys.platform != "linux":
-        return
-    try:
-        os.sched_setscheduler(tid, os.SCHED_OTHER, os.sched_param(0))
-    except OSError:  # it has ended
-        return
+def _is_realtime(how: tuple[int, int]) -> bool:
+    return how[0] & ~_RESET_ON_FORK in {_FIFO, _RR}
 
 
 class Bell:

@@ -13,7 +13,7 @@ from reference.parts import Given, observed
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.loop.inbox.sources import SourceReport, grasp_blocks
+from tega.loop.inbox.sources import BlockMeter, SourceReport, grasp_blocks
 from tega.loop.session import run_session
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
@@ -42,7 +42,8 @@ def test_missing_samples_take_their_time() -> None:
     setup = MuscleSetup("envelope", 500.0, 50, ("a",), (1.0,), "paper")
     report = SourceReport()
     maxima = EmgMaxima(kind="envelope", rate_hz=500.0, tau=50, channels=("a",), maxima=(1.0,))
-    blocks = list(grasp_blocks(source, RulesDecoder(setup, RulesOptions()), report, maxima=maxima))
+    meter = BlockMeter(RulesDecoder(setup, RulesOptions()), report, maxima=maxima, live=source.info.live)
+    blocks = list(grasp_blocks(source, meter))
     assert (report.n_items, report.n_missing) == (200, 350)
     assert len(blocks) == 11
     assert [block.channels[0] for block in blocks][:2] == [5, 5]

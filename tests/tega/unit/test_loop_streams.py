@@ -14,7 +14,7 @@ from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
-from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.reader import ReadAhead, Reader
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import LiveStream, PulledStream
@@ -22,6 +22,12 @@ from tega.records import Intent
 from tega.runtime.clock import ManualClock, SystemClock
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
+
+
+def meter(report: SourceReport, *, live: bool = True) -> FrameMeter:
+    """Return the meter of a scripted camera."""
+    metric = preset_metric("paper", baseline())
+    return FrameMeter(baseline(), metric, report, live=live, start_ns=STARTED_NS)
 
 
 def test_a_manual_clock_never_sleeps_and_the_system_clock_keeps_time() -> None:
@@ -110,16 +116,6 @@ def test_what_came_over_a_link_lapses() -> None:
     assert len(lost) == 1
 
 
-def test_a_pulled_stream_gives_items_when_they_are_known_and_ends_when_that_is_known() -> None:
-    over = [False]
-    first, second = Intent(t_ns=1), Intent(t_ns=2)
-    stream = PulledStream([first, second], known=[10, 20], end_ns=25, over=lambda: over[0])
-    assert [stream.next_until(t) for t in (5, 10, 15, 20)] == [None, first, None, second]
-    assert (stream.next_until(25), stream.ended) == (None, False)
-    over[0] = True
-    assert (stream.next_until(25), stream.ended, stream.end_ns) == (None, True, 25)
-
-
 def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
     stream = PulledStream(
         ReadAhead("waits", lambda _stopped: (Intent(t_ns=k) for k in range(10**9)), capacity=2)
@@ -133,9 +129,7 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
     report = SourceReport()
     script = [live_frame(0), None, live_frame(1, image=SMALL), RecordingError("torn"), live_frame(4)]
     camera: Any = ScriptedCamera(script)
-    got = list(
-        measured_contacts(camera, baseline(), preset_metric("paper", baseline()), report, start_ns=STARTED_NS)
-    )
+    got = list(measured_contacts(camera, meter(report)))
     assert [contact.t_ns // MS for contact in got] == [0, 64]
     assert all(contact.in_contact for contact in got)
     assert (report.n_items, report.n_dropped, report.n_missing, report.lost) == (2, 2, 3, "")
@@ -147,10 +141,7 @@ def test_a_live_sensor_that_goes_away_says_why_for_as_long_as_it_is_gone() -> No
     got = list(
         measured_contacts(
             camera,
-            baseline(),
-            preset_metric("paper", baseline()),
-            report,
-            start_ns=STARTED_NS,
+            meter(report),
             stopped=lambda: report.lost != "",
         )
     )
@@ -161,12 +152,12 @@ def test_a_live_sensor_that_goes_away_says_why_for_as_long_as_it_is_gone() -> No
 def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:
     camera: Any = ScriptedCamera([live_frame(0, image=SMALL)], live=False)
     with pytest.raises(RecordingError, match=r"frame 0: 9×9×3 pixels, its baseline has 80×60×3"):
-        list(measured_contacts(camera, baseline(), preset_metric("paper", baseline()), SourceReport()))
+        list(measured_contacts(camera, meter(SourceReport(), live=False)))
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
     from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.sources import grasp_blocks
+    from tega.loop.inbox.sources import BlockMeter, grasp_blocks
     from tega.stages.base import MuscleSetup
     from tega.stages.decoders import RulesDecoder, RulesOptions
 
@@ -192,7 +183,7 @@ def test_chunk_size_does_not_change_levels_or_stamps() -> None:
         setup = MuscleSetup("raw", 200.0, 20, ("a", "b"), (2.0, 2.0), "live")
         decoder = RulesDecoder(setup, RulesOptions())
         maxima = EmgMaxima(kind="raw", rate_hz=200.0, tau=20, channels=("a", "b"), maxima=(2.0, 2.0))
-        return list(grasp_blocks(source, decoder, SourceReport(), maxima=maxima))
+        return list(grasp_blocks(source, BlockMeter(decoder, SourceReport(), maxima=maxima, live=False)))
 
     whole = blocks(1000)
     assert [intent.t_ns for intent in whole] == [k * 100 * MS for k in range(1, 51)]

@@ -13,7 +13,7 @@ import tega
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import DeviceUnavailableError
-from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.sources import SourceReport
 from tega.runtime.reopening import Reopening, polled
 
@@ -120,7 +120,8 @@ def test_a_camera_that_goes_away_is_opened_again_as_an_amplifier_is() -> None:
     camera, report = LoseableCamera(), SourceReport()
     source: Any = camera
     baseline = np.full((240, 320, 3), 100, np.uint8)
-    stream = measured_contacts(source, baseline, preset_metric("paper", baseline), report)
+    meter = FrameMeter(baseline, preset_metric("paper", baseline), report, live=True)
+    stream = measured_contacts(source, meter)
     assert [next(stream).t_ns for _ in range(7)] == [1, 2, 3, 1, 2, 3, 1]
     assert (camera.n_opened, report.n_lost, report.lost, report.n_missing) == (2, 2, "", 0)
 

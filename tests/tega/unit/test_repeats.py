@@ -23,7 +23,7 @@ from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
-from tega.loop.inbox.frames import measured_contacts
+from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.picture_votes import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
@@ -54,10 +54,8 @@ def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
 def measure(script: list[Any], *, live: bool = True) -> tuple[list[Contact], SourceReport]:
     report = SourceReport()
     camera: Any = ScriptedCamera(script, live=live)
-    start_ns = STARTED_NS if live else 0
-    return list(
-        measured_contacts(camera, baseline(), preset_metric("live", baseline()), report, start_ns=start_ns)
-    ), report
+    meter = FrameMeter(baseline(), preset_metric("live", baseline()), report, live=live, start_ns=STARTED_NS)
+    return list(measured_contacts(camera, meter)), report
 
 
 def showing(*pictures: int) -> list[TactileFrame]:
@@ -139,7 +137,8 @@ def test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor() -> None
 
     report = SourceReport()
     camera: Any = Reusing(showing(*range(6)))
-    assert len(list(measured_contacts(camera, baseline(), preset_metric("live", baseline()), report))) == 6
+    meter = FrameMeter(baseline(), preset_metric("live", baseline()), report, live=True)
+    assert len(list(measured_contacts(camera, meter))) == 6
     assert report.n_identical == 0
 
 

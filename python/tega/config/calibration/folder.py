@@ -22,6 +22,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar
@@ -115,14 +116,10 @@ class CalibrationFolder:
 
     def gels(self, device: str) -> list[KeptGel]:
         """Return the baselines of a sensor, oldest first; one that cannot be read is left out."""
-        found = []
-        for file in sorted((self.path / "gels" / device).glob("*.toml")):
-            try:
-                record = read_record(file, GelRecord)
-            except CalibrationError:
-                continue
-            if file.with_suffix(".png").is_file():
-                found.append(KeptGel(record, file.with_suffix(".png")))
+        kept = (
+            (r, f.with_suffix(".png")) for r, f in _readable(self.path / "gels" / device, "*.toml", GelRecord)
+        )
+        found = [KeptGel(record, picture) for record, picture in kept if picture.is_file()]
         return sorted(found, key=lambda gel: gel.record.made)
 
     def keep_gel(self, record: GelRecord, picture: NDArray[np.uint8]) -> Path:
@@ -146,14 +143,8 @@ class CalibrationFolder:
 
     def onsets(self, device: str) -> list[OnsetRecord]:
         """Return the newest measurement of each motor of a vest; one that cannot be read is left out."""
-        newest: dict[int, OnsetRecord] = {}
-        for file in sorted((self.path / "vests" / device).glob("*-motor*.toml")):
-            try:
-                record = read_record(file, OnsetRecord)
-            except CalibrationError:
-                continue
-            if record.device == device:
-                newest[record.motor] = record
+        found = _readable(self.path / "vests" / device, "*-motor*.toml", OnsetRecord)
+        newest = {record.motor: record for record, _ in found if record.device == device}
         return [newest[motor] for motor in sorted(newest)]
 
     # People.
@@ -268,6 +259,16 @@ class CalibrationFolder:
 
     def _unfinished(self, person: str) -> Path:
         return self.person(person) / "unfinished.json"
+
+
+def _readable(folder: Path, pattern: str, wanted: type[_Any]) -> Iterator[tuple[_Any, Path]]:
+    """Yield the records in a folder that can be read, with their files, in the order of their names."""
+    for file in sorted(folder.glob(pattern)):
+        try:
+            record = read_record(file, wanted)
+        except CalibrationError:
+            continue
+        yield record, file
 
 
 def _part(wanted: type[CalibrationRecord]) -> Part:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Generator
+from typing import Final, NamedTuple
 
 import numpy as np
 from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from tega.devices.base import TactileFrame, TactileSource
-from tega.errors import DeviceUnavailableError, RecordingError, TegaError
+from tega.errors import RecordingError, TegaError
 from tega.loop.inbox.picture_votes import (
     STUCK_FRAMES,
     CameraVote,
@@ -20,8 +21,7 @@ from tega.loop.inbox.picture_votes import (
     picture_fault,
     untouched_lines,
 )
-from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
-from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.sources import SourceReport, read_measured
 from tega.records import Contact
 from tega.stages.base import Metric
 
@@ -50,9 +50,9 @@ class FrameMeter:
     ) -> None:
         self._shape = baseline.shape
         self.metric = metric
-        self._report = report
-        self._live = live
-        self._start_ns = start_ns if live else 0
+        self.report = report
+        self.live = live
+        self.start_ns = start_ns if live else 0
         self._last: KeptPicture | None = None
         self._n_equal = 0
         self._vote, self._untouched = CameraVote(), untouched_lines(baseline)
@@ -66,7 +66,7 @@ class FrameMeter:
         The contact is ``None`` for a frame that came again under its number, or of a live sensor without a
         vote (:mod:`tega.loop.inbox.picture_votes`).
         """
-        report, last, t_ns = self._report, self._last, frame.t_ns - self._start_ns
+        report, last, t_ns = self.report, self._last, frame.t_ns - self.start_ns
         contact, may_vote = None, True
         if frame.seq == self.seq:
             report.n_duplicate += 1
@@ -79,16 +79,18 @@ class FrameMeter:
         else:
             self._check_size(frame)
             # One that has no vote is not measured either: no metric learns from it.
-            may_vote = not self._live or self._may_vote(frame)
+            if self.live:
+                fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
+                may_vote = self._vote.take(fault, frame.t_ns)
             if may_vote:
                 contact = _stamped(self.metric.update(frame.image, t_ns), t_ns)
                 self._last, self._n_equal = kept_picture(frame.image, contact), 1
-        if self._live and self.next_seq == 0:
+        if self.live and self.next_seq == 0:
             # Pictures of a camera that came while it warmed up, or before anybody read, are not missing in the run.
             self.next_seq = frame.seq
         report.n_missing += max(0, frame.seq - self.next_seq)
         self.next_seq = frame.seq + 1
-        if self._live and self._n_equal >= STUCK_FRAMES:
+        if self.live and self._n_equal >= STUCK_FRAMES:
             report.n_stuck += 1
             self._vote.frozen()
         report.n_unfit += not may_vote
@@ -104,7 +106,7 @@ class FrameMeter:
         ``seq`` must not be that of the one before; ``sums`` are those of
         :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
         """
-        report = self._report
+        report = self.report
         self.seq = seq
         report.n_missing += max(0, seq - self.next_seq)
         self.next_seq = seq + 1
@@ -115,10 +117,6 @@ class FrameMeter:
         """Forget the numbers of a source that was opened again: it counts from wherever it likes."""
         self.seq, self.next_seq, self._last, self._n_equal = None, 0, None, 0
 
-    def _may_vote(self, frame: TactileFrame) -> bool:
-        fault, self._lines = picture_fault(frame.image, self._untouched, self._lines)
-        return self._vote.take(fault, frame.t_ns)
-
     def _check_size(self, frame: TactileFrame) -> None:
         if frame.image.shape != self._shape:
             raise RecordingError(
@@ -127,39 +125,51 @@ class FrameMeter:
             )
 
 
+class FrameWatch(NamedTuple):
+    """Functions that follow a finger's frames, called in the thread that measures them.
+
+    Attributes:
+        stamp: Called with each measured frame's time and the monotonic time of its reception.
+        prepare: Called with each frame before it is checked and measured.
+        observe: Called with each frame and the time of its reception.
+        notify: Called with each measured frame and its contact.
+    """
+
+    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
+    prepare: Callable[[TactileFrame], None] = lambda _frame: None
+    observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None
+    notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None
+
+
+UNWATCHED: Final = FrameWatch()
+
+
 def fed_contacts(
     meter: FrameMeter,
-    report: SourceReport,
     take: Callable[[Contact], None],
     fail: Callable[[BaseException], None],
-    *,
-    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
-    observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-    notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
+    watch: FrameWatch = UNWATCHED,
 ) -> Callable[[TactileFrame], None]:
     """Return the function that a sensor's thread calls with each picture; a bad one is dropped and counted.
 
     ``take`` is called with the contact in each picture, ``fail`` with an unexpected exception; the sensor's
-    thread continues. ``stamp`` is called with each measured frame's time and the monotonic time of its
-    reception, ``prepare`` with each frame before it is checked and measured, ``observe`` with each frame and
-    the time of its reception after the measurement was passed on, so that recording delays nothing, and
-    ``notify`` with each measured frame and its contact, in the thread that measures.
+    thread continues. ``watch.observe`` is called after the measurement was passed on, so that recording
+    delays nothing.
     """
 
     def measure(frame: TactileFrame) -> None:
         received_ns = time.monotonic_ns()
         try:
             try:
-                prepare(frame)
+                watch.prepare(frame)
                 if (contact := meter.take(frame)) is not None:
-                    stamp(contact.t_ns, received_ns)
+                    watch.stamp(contact.t_ns, received_ns)
                     take(contact)
-                    notify(frame, contact)
+                    watch.notify(frame, contact)
             finally:
-                observe(frame, received_ns)
+                watch.observe(frame, received_ns)
         except TegaError:
-            report.drop()
+            meter.report.drop()
         except BaseException as error:  # a panic of native code, too; the loop raises it
             fail(error)
 
@@ -180,16 +190,10 @@ def keeps_up(metric: Metric, baseline: NDArray[np.uint8], *, rate_hz: float | No
 
 def measured_contacts(
     source: TactileSource,
-    baseline: NDArray[np.uint8],
-    metric: Metric,
-    report: SourceReport,
+    meter: FrameMeter,
+    watch: FrameWatch = UNWATCHED,
     *,
-    start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
-    stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
-    prepare: Callable[[TactileFrame], None] = lambda _frame: None,
-    observe: Callable[[TactileFrame, int], None] = lambda _frame, _received_ns: None,
-    notify: Callable[[TactileFrame, Contact], None] = lambda _frame, _contact: None,
 ) -> Generator[Contact, None, int]:
     """Measure the frames of an open source; returns the time at which it ended, nanoseconds.
 
@@ -202,45 +206,27 @@ def measured_contacts(
     not passed on: the sensor is stuck, and its finger falls silent like any without fresh frames until pixels
     change.
 
-    ``baseline``, ``report`` and ``start_ns`` are those of :class:`FrameMeter`; ``stamp``, ``prepare``,
-    ``observe`` and ``notify`` those of :func:`fed_contacts`, but ``observe`` is called before the
-    measurement. ``stopped`` returns true to stop reading.
+    ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
     """
-    live, end_ns = source.info.live, 0
-    meter = FrameMeter(baseline, metric, report, live=live, start_ns=start_ns)
-    while not (stopped() or source.ended):
-        try:
-            frame = source.read(READ_TIMEOUT_S)
-            if frame is None:
-                continue
-            received_ns = time.monotonic_ns()
-            prepare(frame)
-            observe(frame, received_ns)
-            if live and frame.seq == meter.seq:
-                time.sleep(SEEN_REST_S)
-            contact = meter.take(frame)
-        except DeviceUnavailableError as error:
-            if not live:
-                raise
-            report.lose(error.message)
-            found = opened_again(source, stopped)
-            if not found:
-                break
-            report.lost = ""
-            meter.restart()
-            continue
-        except TegaError:
-            if not live:
-                raise
-            report.drop()
-            continue
-        end_ns = frame.t_ns - start_ns if live else frame.t_ns
+
+    def measure(frame: TactileFrame, received_ns: int) -> tuple[TactileFrame, int, Contact | None]:
+        watch.prepare(frame)
+        watch.observe(frame, received_ns)
+        if meter.live and frame.seq == meter.seq:
+            time.sleep(SEEN_REST_S)
+        return frame, received_ns, meter.take(frame)
+
+    report, end_ns = meter.report, 0
+    for frame, received_ns, contact in read_measured(
+        source, report, measure, meter.restart, bad=TegaError, stopped=stopped
+    ):
+        end_ns = frame.t_ns - meter.start_ns
         if contact is not None:
-            stamp(contact.t_ns, received_ns)
-            notify(frame, contact)
+            watch.stamp(contact.t_ns, received_ns)
+            watch.notify(frame, contact)
             yield contact
     rate_hz = source.info.rate_hz
-    if not live and rate_hz:
+    if not meter.live and rate_hz:
         end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
     report.end_ns = end_ns
     return end_ns

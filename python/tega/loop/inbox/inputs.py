@@ -46,28 +46,26 @@ class SeatSeen(NamedTuple):
 
 
 class Inputs:
-    """Looks at all input devices of a run, never waiting for one; ``seen`` is from the last look."""
+    """Looks at all input devices of a run, never waiting for one.
+
+    ``seats`` are the devices by seat; ``seen`` is from the last look.
+    """
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
-        self._seats = dict(seats)
+        self.seats = dict(seats)
         self._no_data_polls = dict.fromkeys(seats, 0)
         self._n_polls = 0
         self.seen: dict[str, SeatSeen] = {}
         self._text: dict[str, tuple[Any, ...]] = {}
 
-    @property
-    def seats(self) -> Mapping[str, Seat]:
-        """The devices, by seat."""
-        return self._seats
-
     def check(self, bus: Bus, pacer: Pacer) -> None:
         """Look at every device."""
-        if not self._seats:
+        if not self.seats:
             return
         events: dict[str, list[InputEvent]] = {}
         self._n_polls += 1
         seen = {}
-        for name, (source, button) in self._seats.items():
+        for name, (source, button) in self.seats.items():
             state = source.state()
             events[name] = [e for e in source.events() if button in {None, e.button}]
             before = self.seen[name].n_presses if name in self.seen else 0
@@ -108,12 +106,12 @@ class Inputs:
                 "presses": self.seen[name].n_presses if name in self.seen else 0,
                 "no_data_share": self._no_data_polls[name] / max(self._n_polls, 1),
             }
-            for name, seat in self._seats.items()
+            for name, seat in self.seats.items()
         }
 
     def notes(self) -> list[str]:
         """Return notes for readers of the results."""
-        return [f"{name}: {note}" for name, seat in self._seats.items() for note in seat.source.info.notes]
+        return [f"{name}: {note}" for name, seat in self.seats.items() for note in seat.source.info.notes]
 
 
 class Finger(NamedTuple):

@@ -136,14 +136,9 @@ def is_repeat(image: NDArray[np.uint8], last: KeptPicture) -> bool:
     """
     if image.shape != last.image.shape:
         return False
-    if image is last.image and _is_constant(image):
+    if image is last.image and image.base is None and not image.flags.writeable:  # constant
         return True
     return _sample(image) == last.sample and image.tobytes() == last.image.tobytes()
-
-
-def _is_constant(image: NDArray[np.uint8]) -> bool:
-    """Whether an array cannot be written to: it is read-only and not a view."""
-    return not image.flags.writeable and image.base is None
 
 
 def _sample(image: NDArray[np.uint8]) -> bytes:

@@ -6,7 +6,7 @@ import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import nullcontext
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Any, Generic, NamedTuple, TypeVar
 
 from tega.errors import TegaError
 from tega.runtime.reopening import Reopening, polled
@@ -21,10 +21,6 @@ REOPEN_S = 1.0
 Given = TypeVar("Given")
 Produce = Callable[[Callable[[], bool]], Iterable[Given]]
 """Creates the iterator, in the thread; its argument is a function that returns true to stop."""
-
-
-class _Opens(Protocol):
-    def open(self) -> None: ...
 
 
 class Reader(Generic[Given]):
@@ -79,9 +75,9 @@ class Reader(Generic[Given]):
         self._thread.join(timeout=5.0)
 
 
-class _End:
-    def __init__(self, end_ns: int | None, error: BaseException | None) -> None:
-        self.end_ns, self.error = end_ns, error
+class _End(NamedTuple):
+    end_ns: int | None
+    error: BaseException | None
 
 
 class ReadAhead(Generic[Given]):
@@ -135,7 +131,7 @@ def read_items(source: Any, stopped: Callable[[], bool]) -> Iterator[Any]:
             yield item
 
 
-def opened_again(device: _Opens, stopped: Callable[[], bool]) -> bool:
+def opened_again(device: Any, stopped: Callable[[], bool]) -> bool:
     """Open a live device that went away, once a second until that works; return whether it is there."""
     again = Reopening(READ_TIMEOUT_S, REOPEN_S, factor=REOPEN_S / READ_TIMEOUT_S)
 

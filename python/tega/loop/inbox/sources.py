@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -14,10 +15,10 @@ from numpy.typing import NDArray
 from tega.config.calibration import EmgMaxima
 from tega.devices.base import EmgChunk, EmgSource, TactileFrame
 from tega.emg.votes import ChannelVotes
-from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError, TegaError
 from tega.hand import nearest_level
 from tega.loop.emg_adaptation import ChannelAdaptation
-from tega.loop.inbox.reader import READ_TIMEOUT_S, opened_again
+from tega.loop.inbox.reader import READ_TIMEOUT_S, Given, opened_again
 from tega.records import EmgSamples, Intent, Picture
 from tega.stages.base import Decoder
 
@@ -157,7 +158,7 @@ class BlockMeter:
         # Blocks that had a vote, with the number of samples at their end.
         self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
         self._names = maxima.channels
-        self._report = report
+        self.report = report
         self._rate_hz = maxima.rate_hz
         self._live = live
         self._start_ns = start_ns if live else 0
@@ -175,7 +176,7 @@ class BlockMeter:
         values are held; after that the channels are bad until samples arrive again. Another number of
         channels than the maxima's is ``ShapeError``.
         """
-        samples, report, votes, adaptation = chunk.samples, self._report, self._votes, self._adaptation
+        samples, report, votes, adaptation = chunk.samples, self.report, self._votes, self._adaptation
         n_missing = max(0, chunk.first_index - self._next_index)
         if n_missing:
             n_told = min(n_missing, round(MOST_GAP_S * self._rate_hz))
@@ -256,17 +257,51 @@ def _checked(intent: Intent, n_channels: int) -> Intent:
     return replace(intent, level=level)
 
 
+def read_measured(
+    source: Any,
+    report: SourceReport,
+    measure: Callable[[Any, int], Given],
+    restart: Callable[[], None],
+    *,
+    bad: type[TegaError],
+    stopped: Callable[[], bool],
+) -> Iterator[Given]:
+    """Yield what ``measure`` returns for each item of an open source and the monotonic time of its reception.
+
+    In a recording an error is raised. An item of a live source with an error of ``bad`` is dropped and counted. If the
+    source goes away it is opened again, once a second until that works or ``stopped`` returns true; ``restart`` is
+    called then.
+    """
+    live = source.info.live
+    while not (stopped() or source.ended):
+        try:
+            item = source.read(READ_TIMEOUT_S)
+            if item is None:
+                continue
+            found = measure(item, time.monotonic_ns())
+        except DeviceUnavailableError as error:
+            if not live:
+                raise
+            report.lose(error.message)
+            if not opened_again(source, stopped):
+                return
+            report.lost = ""
+            restart()
+        except bad:
+            if not live:
+                raise
+            report.drop()
+        else:
+            yield found
+
+
 def grasp_blocks(
     source: EmgSource,
-    decoder: Decoder,
-    report: SourceReport,
+    meter: BlockMeter,
     *,
-    maxima: EmgMaxima,
-    start_ns: int = 0,
     stopped: Callable[[], bool] = lambda: False,
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None,
     observe: Callable[[EmgChunk], None] = lambda _chunk: None,
-    adaptation: ChannelAdaptation | None = None,
 ) -> Generator[Intent, None, int]:
     """Turn an open source's samples into levels, one per block; returns when it ended, nanoseconds.
 
@@ -274,34 +309,18 @@ def grasp_blocks(
     samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed
     it. A live source that goes away is opened again, once a second until that works or the run is over.
 
-    ``report``, ``maxima``, ``start_ns`` and ``adaptation`` are those of :class:`BlockMeter`. ``stopped``
-    returns true to stop reading; ``stamp`` is called with each block's time and the monotonic time at which
-    its last samples were received; ``observe`` with the samples that were read, before they are decoded.
+    ``stopped`` returns true to stop reading; ``stamp`` is called with each block's time and the monotonic time at
+    which its last samples were received; ``observe`` with the samples that were read, before they are decoded.
     """
-    live = source.info.live
-    meter = BlockMeter(decoder, report, maxima=maxima, live=live, start_ns=start_ns, adaptation=adaptation)
-    while not (stopped() or source.ended):
-        try:
-            chunk = source.read(READ_TIMEOUT_S)
-            if chunk is None:
-                continue
-            received_ns = time.monotonic_ns()
-            observe(chunk)
-            intents = meter.take(chunk)
-        except DeviceUnavailableError as error:
-            if not live:
-                raise
-            report.lose(error.message)
-            if not opened_again(source, stopped):
-                break
-            report.lost = ""
-            meter.restart()
-            continue
-        except ShapeError:
-            if not live:
-                raise
-            report.drop()
-            continue
+
+    def measure(chunk: EmgChunk, received_ns: int) -> tuple[list[Intent], int]:
+        observe(chunk)
+        return meter.take(chunk), received_ns
+
+    report = meter.report
+    for intents, received_ns in read_measured(
+        source, report, measure, meter.restart, bad=ShapeError, stopped=stopped
+    ):
         for intent in intents:
             stamp(intent.t_ns, received_ns)
             yield intent

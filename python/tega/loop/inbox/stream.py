@@ -59,43 +59,25 @@ class PulledStream(Generic[Item]):
     """A stream of items that exist already or are computed on demand.
 
     It ends at the latest of its last item's time, ``end_ns`` and the time that the iterator may return (the
-    last frame lasts one period). ``known`` are the times at which the items are known, ``None`` for those
-    they are stamped with; ``over`` is whether it is known by now that nothing follows the last item.
+    last frame lasts one period).
     """
 
-    def __init__(
-        self,
-        items: Iterable[Item],
-        *,
-        end_ns: int = 0,
-        known: Iterable[int] | None = None,
-        over: Callable[[], bool] = lambda: True,
-    ) -> None:
+    def __init__(self, items: Iterable[Item], *, end_ns: int = 0) -> None:
         self._items = iter(items)
-        self._known = None if known is None else iter(known)
-        self._over = over
         self._head: Item | None = None
-        self._begun = False
-        self.ended = False
+        self._begun = self.ended = False
         self.end_ns = end_ns
         self.due_ns = 0
 
     def _advance(self) -> None:
         try:
-            head = next(self._items)
+            self._head = head = next(self._items)
         except StopIteration as stop:
-            self._head, self.due_ns = None, 0
-            if stop.value is not None:
-                self.end_ns = max(self.end_ns, stop.value)
-            self._watch_for_end()
+            self._head, self.ended, self.due_ns = None, True, NEVER_NS
+            self.end_ns = max(self.end_ns, stop.value or 0)
         else:
-            self._head = head
-            self.due_ns = head.t_ns if self._known is None else next(self._known)
+            self.due_ns = head.t_ns
             self.end_ns = max(self.end_ns, head.t_ns)
-
-    def _watch_for_end(self) -> None:
-        if self._over():
-            self.ended, self.due_ns = True, NEVER_NS
 
     def next_until(self, t_ns: int) -> Item | None:
         """Return the next item known at ``t_ns``, or ``None``; raises whatever the iterator raises."""
@@ -105,9 +87,6 @@ class PulledStream(Generic[Item]):
         if self.due_ns > t_ns:
             return None
         head = self._head
-        if head is None:
-            self._watch_for_end()
-            return None
         self._advance()
         return head
 

@@ -15,10 +15,11 @@ from typing import Any, Final
 
 from msgspec.structs import replace
 
+from tega.arm.messages import Health
 from tega.config.attached import with_attached
 from tega.config.choose import muscle_decoder
 from tega.errors import ConfigError, RecordingError
-from tega.loop.arm_records import recorded_check
+from tega.loop.arm_records import arm_view
 from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import SourceReport
@@ -178,7 +179,7 @@ class PlayedRun(Part):
         turn = self._turns.at_playhead()
         if turn is None:
             return view
-        arm, words = recorded_check(turn), f"as recorded: {turn.state}: {turn.reason}"
+        arm, words = arm_view(turn, Health()), f"as recorded: {turn.state}: {turn.reason}"
         height_m = None if arm.hand_m is None else arm.hand_m[2]
         return view._replace(arm=words, seen_arm=arm, arm_height_m=height_m)
 

@@ -6,7 +6,6 @@ delimiter, quotes and decimal sign are found out.
 
 from __future__ import annotations
 
-import codecs
 import csv
 import io
 import math
@@ -17,15 +16,11 @@ from typing import IO, Final
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_foreign
+from tega.runtime.files.tables.encoding import find_encoding
 
 _ROWS_PER_WRITE = 4096
 _QUOTED = frozenset(',"\r\n')
 
-_MARKS: Final = (
-    (codecs.BOM_UTF8, "utf-8-sig"),
-    (codecs.BOM_UTF16_LE, "utf-16"),
-    (codecs.BOM_UTF16_BE, "utf-16"),
-)
 _DELIMITERS: Final = ("\t", ";", ",")
 _PREAMBLE_ROWS: Final = 100
 _CLOCK: Final = re.compile(r"(-?)(\d+):(\d{1,2}):(\d{1,2}(?:[.,]\d+)?)")
@@ -108,7 +103,11 @@ def read_rows(
         raise RecordingError(f"{path.name}: cannot be read: {error.strerror or error}", hint) from error
     if data[:4] in {b"PK\x03\x04", b"\xd0\xcf\x11\xe0"}:
         raise RecordingError(f"{path.name}: is a workbook, not a table of text", hint)
-    text = _text(path, data, hint)
+    try:
+        encoding = find_encoding(data, path.name)
+        text = data[encoding.mark :].decode(encoding.name)
+    except (UnicodeDecodeError, RecordingError) as error:
+        raise RecordingError(f"{path.name}: is no table of text: {error}", hint) from error
     best: set[str] = set()
     for delimiter in _DELIMITERS:
         try:
@@ -139,17 +138,3 @@ def seconds(cell: str) -> float:
     if not math.isfinite(t_s):
         raise ValueError(f"{cell[:40]!r} is no time")
     return t_s
-
-
-def _text(path: Path, data: bytes, hint: str) -> str:
-    encodings = [name for mark, name in _MARKS if data.startswith(mark)] or ["utf-8", "cp1252", "latin-1"]
-    if encodings[0] == "utf-8" and data[1:2] == b"\0":  # UTF-16 without a mark
-        encodings = ["utf-16-le"]
-    for encoding in encodings:
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        if "\0" not in text:
-            return text
-    raise RecordingError(f"{path.name}: is no table of text", hint)

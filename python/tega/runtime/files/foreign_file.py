@@ -17,7 +17,7 @@ import stat
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
+from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 
 import msgspec
 
@@ -108,16 +108,21 @@ def load_npy(data: bytes, name: str) -> NDArray[Any]:
         raise RecordingError(f"{name}: not an .npy array: {error}", "save it with numpy.save") from error
 
 
+def npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, Any]:
+    """Read the header of an ``.npy`` file: the array's shape, whether it is in Fortran's order, and its type."""
+    from numpy.lib import format as npy
+
+    version = npy.read_magic(file)
+    if version not in {(1, 0), (2, 0)}:
+        raise ValueError(f"version {version} of the format")
+    return (npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0)(file)
+
+
 def _array(data: bytes) -> NDArray[Any]:
     import numpy as np
 
     file = io.BytesIO(data)
-    version = np.lib.format.read_magic(file)
-    if version not in {(1, 0), (2, 0)}:
-        raise ValueError(f"version {version} of the format")
-    first = version == (1, 0)
-    read_header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-    shape, by_columns, dtype = read_header(file)
+    shape, by_columns, dtype = npy_header(file)
     if dtype.hasobject:
         raise ValueError("it holds Python objects, which are never read")
     n_bytes = math.prod(shape) * dtype.itemsize

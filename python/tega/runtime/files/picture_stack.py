@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import RecordingError
-from tega.runtime.files.foreign_file import check_file
+from tega.runtime.files.foreign_file import check_file, npy_header
 
 _MOST_MIB: Final = 64 * 1024
 _MOST_PIXELS: Final = 1 << 26
@@ -116,10 +116,7 @@ class PictureStack:
         """Open an array's file behind its header."""
         file = self._path.open("rb") if self._archive is None else self._archive.open(name)
         try:
-            version = np.lib.format.read_magic(file)
-            first = version == (1, 0)
-            header = np.lib.format.read_array_header_1_0 if first else np.lib.format.read_array_header_2_0
-            shape, by_columns, dtype = header(file)
+            shape, by_columns, dtype = npy_header(file)
         except BaseException:
             file.close()
             raise

@@ -83,7 +83,8 @@ def read_signals(path: Path, reading: Reading | None = None) -> Signals:
         samples = np.delete(samples, timing.repeated, axis=0) if len(timing.repeated) else samples
     elif counted:
         decision.faults.append(losses_in_words(counted, decision.rate_hz))
-    _check_cells(samples, decision)
+    if n_missing := int(np.isnan(samples).sum()):
+        decision.notes.append(f"{n_missing} cells have no number; they count as missing samples")
     decision.n_samples = len(samples)
     starts, n_lost = [(0, 0)], 0
     for row, lost in counted:
@@ -91,11 +92,6 @@ def read_signals(path: Path, reading: Reading | None = None) -> Signals:
         starts.append((row, row + n_lost))
     samples = np.ascontiguousarray(samples, np.float64)
     return Signals(samples, tuple(decision.channels), decision.rate_hz, starts, timing, decision)
-
-
-def inspect_signals(path: Path, reading: Reading | None = None) -> Decision:
-    """Return how a file is read, and what its times say; arguments and errors as of :func:`read_signals`."""
-    return read_signals(path, reading).decision
 
 
 def _opened(path: Path, reading: Reading) -> Table:
@@ -198,9 +194,3 @@ def _stated(table: Table, decision: Decision, reading: Reading, subject: str) ->
         )
     decision.rate_hz = reading.rate_hz or table.rate_hz
     decision.rate_from = "given" if reading.rate_hz else table.rate_from if table.rate_hz else subject
-
-
-def _check_cells(samples: NDArray[np.float64], decision: Decision) -> None:
-    n_missing = int(np.isnan(samples).sum())
-    if n_missing:
-        decision.notes.append(f"{n_missing} cells have no number; they count as missing samples")

@@ -15,7 +15,7 @@ from tega.emg.score import PERCENTILES
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.stages.base import MuscleSetup
 from tega.stages.learned.features import as_samples
-from tega.stages.learned.judge import DecoderFigures, judge
+from tega.stages.learned.judge import DecoderFigures, judge, pearson
 from tega.stages.learned.learned import LearnedDecoder
 from tega.stages.learned.training import DEFAULT_FEATURES, fit
 from tega.stages.registry import stage_class
@@ -81,13 +81,8 @@ def best_channels(log: Log, n: int) -> list[int]:
     blocks = log.samples[: k * tau].reshape(k, tau, -1)
     amplitude = np.abs(blocks - np.median(log.samples, axis=0)).mean(axis=1)
     target = log.target[: k * tau].reshape(k, tau).mean(axis=1)
-    fits = [abs(_correlation(amplitude[:, c], target)) for c in range(amplitude.shape[1])]
+    fits = np.nan_to_num([abs(pearson(amplitude[:, c], target)) for c in range(amplitude.shape[1])])
     return sorted(np.argsort(fits)[::-1][:n].tolist())
-
-
-def _correlation(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    da, db = a - a.mean(), b - b.mean()
-    return float(da @ db / max(float(np.sqrt((da @ da) * (db @ db))), 1e-300))
 
 
 def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:

@@ -95,7 +95,7 @@ def judge(
     return DecoderFigures(
         rank_correlation=rank_correlation(reported, wanted),
         level_rank_correlation=rank_correlation(steps, wanted),
-        correlation=_pearson(reported, wanted),
+        correlation=pearson(reported, wanted),
         rmse=float(np.sqrt(((reported - wanted) ** 2).mean())),
         changes_per_s=changes_per_second(steps, block_s),
         delay_s=float("nan") if paper is None else delay_s(reported, np.asarray(paper, np.float64), block_s),
@@ -112,7 +112,8 @@ def judge(
     )
 
 
-def _pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+def pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
+    """Return the correlation of two series, float64 ``(k,)``; NaN where one does not change."""
     da, db = a - a.mean(), b - b.mean()
     scale = float(np.sqrt((da @ da) * (db @ db)))
     return float(da @ db) / scale if scale > 0 else float("nan")

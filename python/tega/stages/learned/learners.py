@@ -29,14 +29,6 @@ LEAST_NOVELTY_OF_TWO: Final = 6.0
 _FOLDS = 5
 
 
-def ridge(z: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """Return weights ``(features,)`` and bias of a ridge regression of strength :data:`RIDGE`."""
-    strength = RIDGE * len(y) * np.eye(z.shape[1])
-    mean = z.mean(axis=0)
-    weights = np.linalg.solve((z - mean).T @ (z - mean) + strength, (z - mean).T @ (y - y.mean()))
-    return weights, float(y.mean() - mean @ weights)
-
-
 class EffortModel:
     """Weights of a fitted model, one for each feature or support, and the efforts that they give.
 

@@ -195,24 +195,13 @@ class BlockScorer:
     """
 
     def __init__(self, model: Model) -> None:
-        n, channels = 0, len(model.channels)
-        spans = []
-        for name in model.features:
-            width = channels * (4 if name == "AR" else 1)
-            if name in AMPLITUDES:
-                spans.append(slice(n, n + width))
-            n += width
-        self._amplitude = np.zeros(n, bool)
-        for span in spans:
-            self._amplitude[span] = True
+        channels = len(model.channels)
+        widths = [channels * (AR_ORDER if name == "AR" else 1) for name in model.features]
+        self._amplitude = np.repeat([name in AMPLITUDES for name in model.features], widths)
         self._floor = np.array(model.floor)
         self._gains = -np.expm1(-model.tau / model.rate_hz / np.array(model.smoothing_s))[:, np.newaxis]
         self._state: NDArray[np.float64] | None = None
         self.newest: NDArray[np.float64] = np.empty(0)
-        self.use(model)
-
-    def use(self, model: Model) -> None:
-        """Go on with another model of the same features."""
         self._features, self._bias, self._gamma = model.features, model.bias, model.gamma
         self._mean, self._scale = np.array(model.mean), np.array(model.scale)
         self._weights, self._support = np.array(model.weights), np.array(model.support)

@@ -81,6 +81,7 @@ class _BlockStage(Decoder):
 
     _core: LearnedDecoder | ProportionalDecoder
     _pace: _Pace
+    _full: Sequence[float]
     _hold_below = 0.0
     _kept = 0.0
     _holds = ""
@@ -114,6 +115,11 @@ class _BlockStage(Decoder):
     def holds(self) -> str:
         return self._holds
 
+    @property
+    def full_scale(self) -> Sequence[float]:
+        """Mean absolute value of each channel at strong effort: the model's, or the maxima of the calibration."""
+        return self._full
+
 
 class LearnedStage(_BlockStage):
     """A learned model: :class:`tega.decoders.LearnedDecoder`.
@@ -145,11 +151,6 @@ class LearnedStage(_BlockStage):
         self._pace = _Pace(model.tau / model.rate_hz * 1e9)
         self._hold_below = options.hold_below
 
-    @property
-    def full_scale(self) -> Sequence[float]:
-        """Mean absolute value of each channel at strong effort."""
-        return self._full
-
 
 class ProportionalStage(_BlockStage):
     """The plain baseline: :class:`tega.decoders.ProportionalDecoder`; its dead band lies below full."""
@@ -158,19 +159,20 @@ class ProportionalStage(_BlockStage):
     options_type: ClassVar[type[StageOptions]] = ProportionalOptions
 
     def __init__(self, setup: MuscleSetup, options: ProportionalOptions) -> None:
+        tau = max(4, round(options.tau_s * setup.rate_hz))
         used = [options.channel - 1, *([options.opening - 1] if options.opening else [])]
         self._full = setup.maxima
         self._core = ProportionalDecoder(
             setup.rate_hz,
             setup.maxima,
-            tau=max(4, round(options.tau_s * setup.rate_hz)),
+            tau=tau,
             kind=setup.kind,
             channels=used,
             dead_band=options.dead_band,
             full=options.full,
             smoothing_s=options.smoothing_s,
         )
-        self._pace = _Pace(max(4, round(options.tau_s * setup.rate_hz)) / setup.rate_hz * 1e9)
+        self._pace = _Pace(tau / setup.rate_hz * 1e9)
         self._hold_below = options.hold_below
 
     @classmethod
@@ -178,8 +180,3 @@ class ProportionalStage(_BlockStage):
         """Return the length of a block, seconds."""
         assert isinstance(options, ProportionalOptions)
         return options.tau_s
-
-    @property
-    def full_scale(self) -> Sequence[float]:
-        """Maxima of the calibration."""
-        return self._full

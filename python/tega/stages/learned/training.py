@@ -23,7 +23,6 @@ from tega.stages.learned.learners import (
     TARGET_POWER,
     EffortLearner,
     judge_kept_back,
-    ridge,
     rising_polyline,
 )
 from tega.stages.learned.model import REJECTED, Model
@@ -95,6 +94,8 @@ def fit(
     wanted = tuple(dict.fromkeys(features))
     _check_options(rate_hz, tau, kind, wanted, reject, names, samples.shape[1], model)
     closure, scale = _checked_target(samples, goal, rate_hz, full)
+    two_classes = len(np.unique(closure)) == 2
+    learner = EffortLearner(model, strength=RIDGE_OF_TWO if two_classes else RIDGE)
     block_s = tau / rate_hz
     blocks = Blocks(rate_hz, tau, kind, samples.shape[1]).take(samples)
     if any(block.bad.any() for block in blocks):
@@ -103,7 +104,6 @@ def fit(
     floors, values = _logarithms(values, wanted, samples.shape[1])
     y = closure[: len(blocks) * tau].reshape(-1, tau).mean(axis=1)
     lag = _lag(values, y**TARGET_POWER, block_s)
-    two_classes = len(np.unique(closure)) == 2
     smoothing_s = SMOOTHING_OF_TWO_S if two_classes else SMOOTHING_S
     smoothed = np.concatenate([_smoothed(values, block_s, t) for t in smoothing_s], axis=1)
     x, y = _shifted(smoothed, y, lag)
@@ -112,7 +112,6 @@ def fit(
     if two_classes:
         sd = _alike(sd, wanted * len(smoothing_s), samples.shape[1])
     z = (x - mean) / sd
-    learner = EffortLearner(model, strength=RIDGE_OF_TWO if two_classes else RIDGE)
     parts = learner(z, y)
     efforts = parts.efforts(z)
     knots_effort, knots_closure = rising_polyline(efforts, y)
@@ -208,8 +207,10 @@ def _checked_target(
             raise CalibrationError(
                 f"channel {column + 1} never moves", "look at its electrode, or leave it out"
             )
-        clipped = max(float((signal == signal.max()).mean()), float((signal == signal.min()).mean()))
-        if clipped > CLIPPED_SHARE and len(np.unique(signal)) > 2 and not _rests_there(signal):
+        at_top, at_bottom = (float((signal == end).mean()) for end in (signal.max(), signal.min()))
+        clipped = max(at_top, at_bottom)
+        rests_there = signal.min() == 0 and at_top <= CLIPPED_SHARE  # as an envelope does, at 0
+        if clipped > CLIPPED_SHARE and len(np.unique(signal)) > 2 and not rests_there:
             raise CalibrationError(
                 f"channel {column + 1} is clipped in {100 * clipped:.0f} % of its samples",
                 "lower the amplifier's gain and record again",
@@ -228,11 +229,6 @@ def _checked_target(
                 f"record at least {100 * LEAST_SHARE:.0f} % of the time at {subject}",
             )
     return closure, scale
-
-
-def _rests_there(signal: NDArray[np.float64]) -> bool:
-    """Whether an end of the range is where an envelope rests: the smallest value, 0."""
-    return bool(signal.min() == 0 and (signal == signal.max()).mean() <= CLIPPED_SHARE)
 
 
 def _refuse_still(blocks: list[Any], names: tuple[str, ...]) -> None:
@@ -293,14 +289,16 @@ def _shifted(
 
 def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) -> int:
     """Find how many blocks later than the muscles the target comes."""
+    from sklearn.linear_model import Ridge
+
     lags = range(round(_EARLIEST_S / block_s), round(_LATEST_S / block_s) + 1)
     explained = []
     for lag in lags:
         x, wanted = _shifted(values, y, lag)
         sd = x.std(axis=0)
         z = (x - x.mean(axis=0)) / np.where(sd > 0, sd, 1.0)
-        weights, bias = ridge(z, wanted)
-        left = float((wanted - z @ weights - bias).var())
+        line = Ridge(alpha=RIDGE * len(wanted)).fit(z, wanted)
+        left = float((wanted - line.predict(z)).var())
         explained.append(1.0 - left / float(wanted.var()) if wanted.var() > 1e-9 else 0.0)
     best = int(np.argmax(explained))
     if explained[best] < LEAST_R2:

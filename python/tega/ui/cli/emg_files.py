@@ -32,7 +32,7 @@ def emg_inspect(*, file: Path | None, reading: Reading, as_json: bool) -> None:
     import msgspec
 
     from tega.runtime.files.formats import FORMATS
-    from tega.runtime.files.signals import inspect_signals
+    from tega.runtime.files.signals import read_signals
 
     if file is None:
         formats = [
@@ -48,7 +48,7 @@ def emg_inspect(*, file: Path | None, reading: Reading, as_json: bool) -> None:
                 f"{one.name:14} {endings:20} {one.origin}" + (f"  ({one.library})" if one.library else "")
             )
         return
-    decision = inspect_signals(file, reading)
+    decision = read_signals(file, reading).decision
     if as_json:
         echo_json(msgspec.to_builtins(decision))
     else:

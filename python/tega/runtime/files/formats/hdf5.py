@@ -9,6 +9,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB
-from tega.runtime.files.formats.named import add_clock, as_array, open_arrays, pick
+from tega.runtime.files.formats.named import add_clock, as_array, check_size, open_arrays, pick
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
@@ -39,32 +40,31 @@ _DEEPEST = 4
 _MOST_FIELDS = 1000
 
 
-def open_hdf5(path: Path, reading: Reading) -> Table:
-    """Open a matrix or named fields of records; refused where no dataset or several can be the samples."""
-    return _open(path, reading, transposed=False)
+def open_hdf5(path: Path, reading: Reading, *, transposed: bool = False) -> Table:
+    """Open a matrix or named fields of records; refused where no dataset or several can be the samples.
 
-
-def open_mat73(path: Path, reading: Reading) -> Table:
-    """Open a matrix of a MATLAB file of version 7.3, which lies there by columns; errors as of :func:`open_hdf5`."""
-    return _open(path, reading, transposed=True)
-
-
-def _open(path: Path, reading: Reading, *, transposed: bool) -> Table:
+    ``transposed`` is whether a matrix lies there by columns.
+    """
     h5py: Any = require("h5py", driver="emg-file", extra="formats")
     name = "MAT 7.3" if transposed else "HDF5"
     with h5py.File(path, "r") as file:
         datasets = _datasets(h5py, file)
         records = {key: one for key, one in datasets.items() if one.dtype.names}
-        if len(records) == 1 and not any(_is_matrix(one) for one in datasets.values()):
+        matrices = [
+            one
+            for one in datasets.values()
+            if one.dtype.kind in "iuf" and one.ndim in {1, 2} and one.size > 1
+        ]
+        if len(records) == 1 and not matrices:
             return _records(path, *next(iter(records.items())))
         picked = pick(datasets, reading.variable, path.name)
         dataset = picked.array
-        numbers = dataset.ndim == 2 and dataset.dtype.kind in "iuf"
-        if numbers and not transposed and _is_upright(dataset, reading):
+        numbers = dataset.ndim == 2 and dataset.dtype.kind in "iuf" and not transposed
+        if numbers and reading.rows != "channels" and dataset.shape[0] >= dataset.shape[1] > 0:
+            check_size(dataset, path.name)
             head = np.asarray(dataset[:MOST_JUDGED], np.float64)
             table = Table(path.name, name, judged_columns([], head), _by_rows(h5py, path, picked.name))
             n_rows = len(dataset)
-            _check_size(path, dataset)
         else:
             array = as_array(dataset, path.name)
             array, sideways = oriented(array.T if transposed else array, path.name, rows=reading.rows)
@@ -102,22 +102,6 @@ def _datasets(h5py: Any, file: Any) -> dict[str, Any]:
     return found
 
 
-def _is_matrix(dataset: Any) -> bool:
-    return dataset.dtype.kind in "iuf" and dataset.ndim in {1, 2} and dataset.size > 1
-
-
-def _is_upright(dataset: Any, reading: Reading) -> bool:
-    n_rows, n_columns = dataset.shape
-    return reading.rows != "channels" and n_rows >= n_columns > 0
-
-
-def _check_size(path: Path, dataset: Any) -> None:
-    if dataset.size * 8 > MOST_MIB * 2**20:
-        raise RecordingError(
-            f"{path.name}: a dataset of shape {dataset.shape}, more than {MOST_MIB} MiB", "cut the recording"
-        )
-
-
 def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
     def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         with h5py.File(path, "r") as file:
@@ -126,6 +110,10 @@ def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
                 yield dataset[at : at + _ROWS][:, list(columns)]
 
     return blocks
+
+
+open_mat73 = partial(open_hdf5, transposed=True)
+"""Opens a matrix of a MATLAB file of version 7.3, which lies there by columns."""
 
 
 def _records(path: Path, name: str, dataset: Any) -> Table:

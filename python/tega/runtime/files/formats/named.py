@@ -80,14 +80,19 @@ def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_n
 
 def as_array(value: Any, file: str) -> Any:
     """Return the numbers of an array, a sparse matrix or a dataset, unless they would not fit into memory."""
+    check_size(value, file)
+    if hasattr(value, "toarray"):
+        return value.toarray()
+    return value[()] if hasattr(value, "id") else np.asarray(value)
+
+
+def check_size(value: Any, file: str) -> None:
+    """Refuse an array or a dataset that is larger than is read."""
     shape = tuple(getattr(value, "shape", ()))
     if int(np.prod(shape, dtype=np.float64)) * 8 > MOST_MIB * 2**20:
         raise RecordingError(
             f"{file}: an array of shape {shape}, more than {MOST_MIB} MiB", "cut the recording"
         )
-    if hasattr(value, "toarray"):
-        return value.toarray()
-    return value[()] if hasattr(value, "id") else np.asarray(value)
 
 
 def add_clock(table: Table, arrays: Mapping[str, Any], name: str, n_rows: int) -> None:
