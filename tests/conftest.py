@@ -243,3 +243,11 @@ def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from reference.sessions import record
 
     return record(tmp_path_factory.mktemp("session") / "lossless")
+
+
+@pytest.fixture(scope="session")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return one of a fifth of a second, for what does not depend on how long it is."""
+    from reference.sessions import record
+
+    return record(tmp_path_factory.mktemp("session") / "short", duration_s=0.2)
