@@ -6,6 +6,7 @@ import faulthandler
 import gc
 import os
 import signal
+import sys
 from collections.abc import Generator
 from pathlib import Path
 from typing import Any, Final
@@ -25,6 +26,11 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci" if os.environ.ge
 # A shell's background job ignores Ctrl-C, and so would every program that the tests start and stop by it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+# Without kept bytecode every worker rewrites the asserts of all tests, and every program that a test starts compiles
+# the package again: more than the tests themselves take.
+sys.dont_write_bytecode = False
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 PROJECT: Final = Path(__file__).resolve().parent.parent
 # Programs that the tests start find what is not in the wheel as the tests do, by `pythonpath` of pyproject.toml.
@@ -86,6 +92,24 @@ def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     return n_cores + 1 if n_cores > 1 else 0
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_collection(session: pytest.Session) -> Generator[None, object, object]:
+    """Collect without the garbage collector, and in each worker beginning with another folder.
+
+    So each worker rewrites the asserts of a part of the tests, and finds those of the others kept as bytecode.
+    """
+    config, worker = session.config, os.environ.get("PYTEST_XDIST_WORKER", "gw0")
+    if config.args == ["tests"]:
+        folders = sorted(str(folder) for folder in (PROJECT / "tests").iterdir() if folder.is_dir())
+        begin = len(folders) * int(worker[2:]) // int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+        config.args = folders[begin:] + folders[:begin]
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let a test be asked once more where it fails and a marker says why; few may be."""
@@ -97,7 +121,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         item.add_marker(pytest.mark.flaky(reruns=1))
     if len(again) > MOST_ASKED_AGAIN:
         raise pytest.UsageError(f"{len(again)} tests are asked again, and at most {MOST_ASKED_AGAIN} may be")
-    items.sort(key=lambda item: FIRST.index(item.path.name) if item.path.name in FIRST else len(FIRST))
+    last = len(FIRST)
+    items.sort(key=lambda item: (FIRST.index(item.path.name) if item.path.name in FIRST else last, item.path))
 
 
 @pytest.hookimpl(wrapper=True)
@@ -218,3 +243,11 @@ def lossless(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from reference.sessions import record
 
     return record(tmp_path_factory.mktemp("session") / "lossless")
+
+
+@pytest.fixture(scope="session")
+def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return one of a fifth of a second, for what does not depend on how long it is."""
+    from reference.sessions import record
+
+    return record(tmp_path_factory.mktemp("session") / "short", duration_s=0.2)

@@ -24,6 +24,8 @@ def test_a_notebook_runs(name: str) -> None:
         "-q",
         "-p",
         "no:cacheprovider",
+        "-p",
+        "nbmake",
         "--nbmake",
         str(NOTEBOOKS / f"{name}.ipynb"),
     ]

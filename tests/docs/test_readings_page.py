@@ -97,6 +97,7 @@ def test_a_setting_of_the_table_is_run_recorded_and_replayed(
     assert again.changed == []
 
 
+@pytest.mark.words
 def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None:
     named = {
         item.partition("=")[0].rpartition(".")[2] for place in PLACES for item in (*place.needs, *place.sets)

@@ -50,8 +50,12 @@ lossless = true
 {more}"""
 
 
-def record(folder: Path, **recording: Any) -> Path:
-    summary = run_session(check_tree(tree(folder, **recording), {}, base=Path.cwd()).config)
+def record(folder: Path, *, duration_s: float | None = None, **recording: Any) -> Path:
+    """Record a run to the end of its input, or for a shorter time."""
+    wanted = tree(folder, **recording)
+    if duration_s is not None:
+        wanted["session"]["duration_s"] = duration_s
+    summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config)
     assert summary["recording"]["state"] == "complete"
     assert summary["recording"]["dropped"] == {}
     return folder / str(summary["recording"]["file"])

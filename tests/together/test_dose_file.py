@@ -167,7 +167,10 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
     made, worn, by_variable = set(), [], set()
     for parent, file in [(package.parent, file) for package in packages for file in package.rglob("*.py")]:
         where = file.relative_to(parent).as_posix()
-        for call in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        text = file.read_text(encoding="utf-8")
+        if "driver_class" not in text and "worn_vest" not in text:
+            continue
+        for call in ast.walk(ast.parse(text)):
             if not isinstance(call, ast.Call):
                 continue
             name = ast.unparse(call.func)

@@ -25,7 +25,7 @@ from tega_study.score.boris import import_boris
 VERBS = {
     "recording export": ["--out", "out", "--pictures"],
     "recording export --format lerobot": ["--out", "out"],
-    "recording trim": ["--from", "0.2", "--to", "1.0", "--out", "out"],
+    "recording trim": ["--from", "0.05", "--to", "0.15", "--out", "out"],
     "recording inspect": [],
     "verify": [],
     "play": ["--speed", "50"],
@@ -60,9 +60,9 @@ def everything(folder: Path) -> set[Path]:
 
 # Which names are plain is a property of its own, in `test_settings_text.py`.
 @pytest.mark.parametrize("name", ["{tmp}/.bashrc", "../../authorized_keys", ""])
-def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path, tmp_path: Path) -> None:
+def test_an_attachment_s_name_never_leaves_the_folder(name: str, short: Path, tmp_path: Path) -> None:
     name = name.format(tmp=tmp_path)
-    recording = hostile(lossless, tmp_path / "sent" / "x.mcap", attached=name or "empty/")
+    recording = hostile(short, tmp_path / "sent" / "x.mcap", attached=name or "empty/")
     before = everything(tmp_path)
     with pytest.raises(UnsafeNameError, match=r"x\.mcap: attachment ") as reported:
         export_file(recording, tmp_path / "sent" / "out")
@@ -72,8 +72,8 @@ def test_an_attachment_s_name_never_leaves_the_folder(name: str, lossless: Path,
 
 
 @pytest.mark.parametrize("finger", ["..", "a b"])
-def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, tmp_path: Path) -> None:
-    recording = hostile(lossless, tmp_path / "sent" / "x.mcap", finger=finger)
+def test_a_topic_s_finger_never_leaves_the_folder(finger: str, short: Path, tmp_path: Path) -> None:
+    recording = hostile(short, tmp_path / "sent" / "x.mcap", finger=finger)
     before = everything(tmp_path)
     with pytest.raises(UnsafeNameError, match=r"x\.mcap: "):
         export_file(recording, tmp_path / "sent" / "out", pictures=True)
@@ -83,12 +83,12 @@ def test_a_topic_s_finger_never_leaves_the_folder(finger: str, lossless: Path, t
 
 
 @pytest.fixture(scope="module")
-def stolen(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+def stolen(short: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Return a recording with an attachment that would be written elsewhere, and one with a finger that would."""
     folder = tmp_path_factory.mktemp("sent")
     return {
-        "attached": hostile(lossless, folder / "a" / "x.mcap", attached=f"{folder}/stolen"),
-        "finger": hostile(lossless, folder / "b" / "x.mcap", finger=".."),
+        "attached": hostile(short, folder / "a" / "x.mcap", attached=f"{folder}/stolen"),
+        "finger": hostile(short, folder / "b" / "x.mcap", finger=".."),
     }
 
 

@@ -12,6 +12,7 @@ from tega_figures.public import public_text
 SNAPSHOT = Path(__file__).resolve().parents[2] / "docs" / "public.txt"
 
 
+@pytest.mark.words
 @pytest.mark.skipif(not SNAPSHOT.is_file(), reason="not a checkout")
 def test_the_public_interface_is_the_one_that_is_written_down() -> None:
     before, now = SNAPSHOT.read_text(encoding="utf-8"), public_text()

@@ -28,6 +28,7 @@ def verbs(command: click.Command = cli, path: tuple[str, ...] = ()) -> Iterator[
 VERBS = dict(verbs())
 
 
+@pytest.mark.words
 @pytest.mark.parametrize("name", VERBS)
 def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
     text = VERBS[name].epilog or ""

@@ -27,7 +27,6 @@ from reference.mutated import (
     refuses_what_is_no_file,
     valid_files,
 )
-from reference.sessions import tree
 from tega.config import load_config
 from tega.config.calibration import load_calibration
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
@@ -105,18 +104,6 @@ def test_an_array_that_is_larger_than_its_file_asks_for_no_memory() -> None:
 # A recording is valid by its format and still can hold anything: records are changed before they are written.
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    from tega.config import check_tree
-    from tega.loop import run_session
-
-    folder = tmp_path_factory.mktemp("session") / "small"
-    wanted = tree(folder)
-    wanted["session"]["duration_s"] = 0.2
-    summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config)
-    return folder / str(summary["recording"]["file"])
-
-
 def _looked_at(path: Path) -> None:
     """Play a recording as fast as it goes while somebody looks at its pictures and samples."""
     from tega.config import check_tree
@@ -138,13 +125,13 @@ def _looked_at(path: Path) -> None:
     kinds=st.sets(st.sampled_from(["attachment", "table", "message", "name", "time"]), max_size=2),
 )
 def test_a_recording_that_is_odd_is_told_to_be(
-    recording: Path, spot: float, changes: list[Any], kinds: set[str], tmp_path: Path
+    short: Path, spot: float, changes: list[Any], kinds: set[str], tmp_path: Path
 ) -> None:
     path = tmp_path / "odd.mcap"
     if kinds:
-        odd(recording, path, spot, changes, kinds)
+        odd(short, path, spot, changes, kinds)
     else:
-        path.write_bytes(mutated(recording.read_bytes(), changes))
+        path.write_bytes(mutated(short.read_bytes(), changes))
     for use in (inspect_file, replay_file, _looked_at):
         with contextlib.suppress(TegaError):
             use(path)

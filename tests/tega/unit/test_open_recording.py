@@ -317,9 +317,9 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
 @settings(max_examples=25, deadline=None)
 @given(places=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=4))
 def test_a_damaged_file_is_read_or_refused(
-    lossless: Path, tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, int]]
+    short: Path, tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, int]]
 ) -> None:
-    data = bytearray(lossless.read_bytes())
+    data = bytearray(short.read_bytes())
     for share, value in places:
         data[min(int(share * len(data)), len(data) - 1)] = value
     path = tmp_path_factory.mktemp("damaged") / "trial-001.mcap"
@@ -336,9 +336,9 @@ def test_a_damaged_file_is_read_or_refused(
         return
 
 
-def test_hostile_names_are_escaped(lossless: Path, tmp_path: Path) -> None:
+def test_hostile_names_are_escaped(short: Path, tmp_path: Path) -> None:
     target = tmp_path / "<script>x.mcap"
-    target.write_bytes(lossless.read_bytes())
+    target.write_bytes(short.read_bytes())
     html = tega.open_recording(target)._repr_html_()
     assert "<script>" not in html
     assert "&lt;script&gt;" in html
