@@ -138,6 +138,10 @@ class Ros2Part(CommandedPart):
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
 
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return the need of a client that leads the hand."""
+        return {"ros2": self._commands.missing} if self._commands.hand else {}
+
     def open(self) -> None:
         """Subscribe, and print the topics."""
         node = DdsNode(self._definitions)

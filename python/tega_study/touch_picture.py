@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.config.choose import finger_metric
+from tega.config.choose import finger_metric, preset_metric
 from tega.errors import MissingExtraError, RecordingError
 from tega.records import Contact
 from tega.runtime.files.foreign_file import read_foreign
@@ -21,6 +21,10 @@ from tega_study.plan import PlannedTrial
 from tega_study.trials import Trial
 
 Preset: TypeAlias = Literal["paper", "live"]
+
+# So often a metric with a memory is shown one picture, until what it says of it no longer changes.
+_SETTLED_FRAMES = 6
+_FRAME_NS = 16_666_667
 
 
 class FingerPicture(NamedTuple):
@@ -66,6 +70,7 @@ _NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
 
 
 def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
+    """Return the measurements of a frame as arrays."""
     m = touch.contact
     found: dict[str, NDArray[Any]] = {
         "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
@@ -78,6 +83,7 @@ def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
 
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
+    """Return a frame with its measurements from the arrays of its file."""
     numbers: dict[str, Any] = dict(zip(_NUMBERS, (float(one) for one in file["numbers"]), strict=True))
     numbers["eda"] = int(numbers["eda"])
     x, y, peak_x, peak_y = (float(one) for one in file["places"])
@@ -90,6 +96,14 @@ def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
     return TouchImage(frame, contact, touch_map)
 
 
+def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
+    """Measure a frame from an earlier version's file, which lacks the loop's measurements."""
+    metric = preset_metric(preset, baseline)
+    for k in range(_SETTLED_FRAMES):
+        contact = metric.update(frame, k * _FRAME_NS)
+    return TouchImage(frame, contact, metric.touch_map())
+
+
 def read_touch_picture(path: Path) -> FingerPicture:
     """Read a picture; ``RecordingError`` if the file is missing or damaged."""
     try:
@@ -97,7 +111,7 @@ def read_touch_picture(path: Path) -> FingerPicture:
             finger, preset = str(file["finger"]), str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
-            touch = _touch(file, frame)
+            known = _touch(file, frame) if "numbers" in file else None
     except RecordingError:
         raise
     except Exception as error:  # a damaged archive raises what its decoder raises
@@ -107,7 +121,9 @@ def read_touch_picture(path: Path) -> FingerPicture:
             f"{path}: preset {preset!r}, frame {frame.dtype} {frame.shape}, baseline {baseline.shape}",
             "restore it from a copy",
         )
-    return FingerPicture(finger, cast("Preset", preset), baseline, touch, cci_max, eda_max)
+    readings = cast("Preset", preset)
+    touch = _measured_now(frame, baseline, readings) if known is None else known
+    return FingerPicture(finger, readings, baseline, touch, cci_max, eda_max)
 
 
 def recorded_picture(folder: Path) -> FingerPicture | None:

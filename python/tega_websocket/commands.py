@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
 
@@ -206,10 +206,6 @@ class CommandedPart(Part):
     def prepared(self, prepared: Prepared) -> Prepared:
         """Return the inputs, with a client's levels where clients may lead the hand."""
         return prepared._replace(muscles=self._commands.muscles()) if self._commands.hand else prepared
-
-    def needs(self) -> Mapping[str, Callable[[], str]]:
-        """Return the need of a client that leads the hand."""
-        return {self._commands.name: self._commands.missing} if self._commands.hand else {}
 
     def begin(self, run: RunStart) -> None:
         """Obey from now on."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import secrets
 import time
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any, Final
 
@@ -51,6 +52,10 @@ class WebSocketPart(CommandedPart):
                 self._bus.subscribe(kind, self._send, name="websocket", backlog=backlog)
         self._bus.subscribe(Snapshot, self._seen, name="websocket")
         context.stack.callback(backlog.close)
+
+    def needs(self) -> Mapping[str, Callable[[], str]]:
+        """Return the need of a client that leads the hand."""
+        return {"websocket": self._commands.missing} if self._commands.hand else {}
 
     def open(self) -> None:
         """Serve, and print the address."""
