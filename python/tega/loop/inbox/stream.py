@@ -152,11 +152,6 @@ class LiveStream(Generic[Item]):
             self.on_loss()
         self.on_item()
 
-    def expect(self, next_ns: int) -> None:
-        """Have the next item not before a time, unless the stream ends before."""
-        if not self._stopped:
-            self._next_ns = next_ns
-
     def end(self, end_ns: int | None = None, error: BaseException | None = None) -> None:
         """End the stream at ``end_ns``, ``None`` for the time of its last item.
 

@@ -132,8 +132,6 @@ class RecordedRun(Pacer):
                 stream.end(end.end_ns)
 
     def _put(self, t_ns: int) -> None:
-        if not self._taken or self._taken[0].taken_ns > t_ns:
-            return
         while self._taken and self._taken[0].taken_ns <= t_ns:
             record = self._taken.popleft()
             if isinstance(record, Contact):
@@ -141,9 +139,6 @@ class RecordedRun(Pacer):
                     self.contacts[record.finger].put(contact)
             elif (intent := self._measured.intent(record)) is not None and self.levels is not None:
                 self.levels.put(intent)
-        next_ns = self._taken[0].taken_ns if self._taken else 0
-        for stream in self._streams:
-            stream.expect(next_ns)
 
 
 class RecordedGuard(Guard):
