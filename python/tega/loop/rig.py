@@ -146,8 +146,12 @@ class Rig(NamedTuple):
     @property
     def devices(self) -> frozenset[str]:
         """Which of ``emg``, ``hand`` and ``vest`` are connected, for displays."""
-        present = {"emg": self.prepared.muscles, "hand": self.sinks.steered, "vest": self.sinks.live_vests}
-        return frozenset(name for name, there in present.items() if there not in (None, []))
+        present = {
+            "emg": self.prepared.muscles is not None,
+            "hand": self.sinks.steered is not None,
+            "vest": bool(self.sinks.live_vests),
+        }
+        return frozenset(name for name, there in present.items() if there)
 
 
 def open_rig(

@@ -1,4 +1,4 @@
-"""Run a hand's loop in a process of its own, and hear from it."""
+"""Run a hand's loop in a process of its own, and receive its reports."""
 
 from __future__ import annotations
 
