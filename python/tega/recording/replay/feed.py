@@ -132,7 +132,22 @@ class RecordFeed:
 
     def read_until(self, t_ns: int) -> None:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
-        until_ns = self.epoch_ns + t_ns + _AHEAD_NS
+        next_ns = self._read_to(self.epoch_ns + t_ns + _AHEAD_NS)
+        if (gap_ns := next_ns - self.newest_ns) > _LONGEST_NS:
+            raise RecordingError(
+                f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
+                f"{self.newest_ns / 1e9:.1f} s",
+                "the file is damaged, or the computer slept; trim copies the part before",
+            )
+        if self.ended:
+            self.newest_ns = max(self.newest_ns, next_ns)
+
+    def read_rest(self) -> None:
+        """Read the rest of the file, however long nothing was recorded in it: no ticks follow."""
+        self.newest_ns = max(self.newest_ns, self._read_to(2**63))
+
+    def _read_to(self, until_ns: int) -> int:
+        """Publish what was logged until then; return when the next or last message was, from the session's start."""
         self._next = self._next or next(self._messages, None)
         while self._next is not None and (log_ns := self._next[0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
@@ -141,18 +156,7 @@ class RecordFeed:
         self.ended = self._next is None
         # Nobody may want the last messages; of a cut file they are not known.
         next_ns = log_ns if self._next is not None else self.reader.until_ns * (not self.reader.cut)
-        if (gap_ns := next_ns - self.epoch_ns - self.newest_ns) > _LONGEST_NS:
-            raise RecordingError(
-                f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
-                f"{self.newest_ns / 1e9:.1f} s",
-                "the file is damaged, or the computer slept; trim copies the part before",
-            )
-        if self.ended:
-            self.newest_ns = max(self.newest_ns, next_ns - self.epoch_ns)
-
-    def read_rest(self) -> None:
-        """Read the rest of the file."""
-        self.read_until(2**62)
+        return next_ns - self.epoch_ns
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
