@@ -18,8 +18,10 @@ from hazards.bench import Lab, lab
 from reference.processes import begun_by
 from tega.config import check_tree
 from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
+from tega.errors import RecordingError
 from tega.loop import rig, run_session
 from tega.recording.mcap_reader import McapReader
+from tega.ui.cli.report import echo_summary
 
 pytestmark = pytest.mark.slow
 
@@ -92,6 +94,9 @@ def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
         made.run(script)
     # The file ended before it; the summary has it.
     assert any("recorder's process ended" in text for text in made.summary["safety"]["alerts"])
+    # A script that started the run sees it by the exit code.
+    with pytest.raises(RecordingError, match=r"recording stopped after .* s: "):
+        echo_summary(made.summary, wall_s=1.0, as_json=False)
 
 
 @pytest.mark.raises("muscles")

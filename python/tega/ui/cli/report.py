@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from tega.errors import RecordingError
 from tega.runtime.words import number_text
 from tega.ui.cli.options import echo_json, with_origin
 
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 
 
 def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> None:
-    """Report a summary of ``run_session`` as text or JSON; ``KeyboardInterrupt`` if the run was stopped.
+    """Report a summary of ``run_session`` as text or JSON.
 
+    Raises ``RecordingError`` if recording stopped before the run, ``KeyboardInterrupt`` if the run was stopped.
     ``wall_s``, this run's duration, is printed and written to no file; JSON has a table ``measured`` of
     ``wall_s`` and ``real_time_factor``.
     """
@@ -29,6 +31,12 @@ def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> No
         echo_json({**summary, "measured": measured})
     else:
         print_summary(summary, measured=measured)
+    recording = summary.get("recording")
+    if recording is not None and recording["state"] != "complete":
+        raise RecordingError(
+            f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}",
+            f"{recording['file']} holds what came before",
+        )
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt
 
@@ -117,14 +125,10 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
 def _recorded(recording: dict[str, Any]) -> str:
     n_dropped = sum(recording["dropped"].values())
     lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
-    text = f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
-    if recording["state"] == "complete":
-        return text
-    return f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}; {text}"
+    return f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
 
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:
-
     changes = summary["safety"]["changes"]
     # A run that was active from the first moment to its end has nothing to tell.
     if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
