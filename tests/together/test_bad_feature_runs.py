@@ -107,6 +107,14 @@ def test_a_part_that_fails_at_the_end_costs_itself_only(
     assert all(f"{hook}()" in note for note in named)
 
 
+def test_a_part_does_not_replace_what_the_summary_has(install: Install) -> None:
+    install(PART, "LoadPart.summary = lambda self: {'vest': 'odd', 'load': 1}")
+    tactile = {"thumb": {"driver": "synthetic-touch"}}
+    summary = run_session(checked({"session": {"pace": "fast", "duration_s": 0.2}, "tactile": tactile}))
+    assert (summary["vest"]["layout"], summary["load"]) == ("x40", 1)
+    assert "a part's 'vest' is left out: the summary has it" in summary["notes"]
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("body", "named"),

@@ -204,6 +204,20 @@ def test_a_panel_that_fails_is_left_out_once(install: Install) -> None:
     ]
 
 
+@pytest.mark.parametrize("option", ["--out", "--fps"])  # of the command itself, and of LeRobot's format
+def test_a_format_with_an_option_that_is_taken_is_left_out(
+    install: Install, option: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = "from tega.ui.cli.export_format import ExportFormat\n"
+    code += f"ODD = ExportFormat((click.Option([{option!r}]),), print)"
+    install("formats={'odd': 'tega_load.members:ODD'}", code)
+    with pytest.raises(SystemExit):
+        command_line.main(["recording", "export", "--help"])
+    shown = capsys.readouterr()
+    assert f"format 'odd' is left out: recording export has an option {option} already" in shown.err
+    assert sum(line.startswith(f"  {option} ") for line in shown.out.splitlines()) == 1
+
+
 @pytest.mark.parametrize("verb", ["load", "emg load"])
 def test_an_error_in_a_verb_names_its_package(
     install: Install, verb: str, capsys: pytest.CaptureFixture[str]

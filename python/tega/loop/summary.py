@@ -90,8 +90,6 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         summary["inputs"] = inputs
     if state.rig.steering is not None:
         summary["arm"] = state.rig.steering.summary()
-    for part in state.rig.parts:
-        summary |= part.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -109,6 +107,12 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             motor = state.trace.motor
             summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
     summary["notes"] = _notes(state)
+    for part in state.rig.parts:
+        added = part.summary()
+        summary["notes"] += [
+            f"a part's {key!r} is left out: the summary has it" for key in added if key in summary
+        ]
+        summary |= {key: value for key, value in added.items() if key not in summary}
     return summary
 
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.errors import MissingExtraError, TegaError
+from tega.errors import ConfigError, MissingExtraError, TegaError
 from tega.runtime.features import load_target, named, warn
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.guest_group import GuestGroup
@@ -100,16 +101,26 @@ _TABLES = ("csv", "parquet")
 
 
 def _guest_formats() -> dict[str, ExportFormat]:
-    """Return the formats of features by name; one that cannot be loaded is left out."""
+    """Return the formats of features by name; one that cannot be loaded, or has a taken option, is left out."""
     found: dict[str, ExportFormat] = {}
+    taken = _names(export.params)
     for name, (feature, target) in named("formats").items():
         try:
-            found[name] = load_target(target, feature, ExportFormat, "ExportFormat")
+            loaded = load_target(target, feature, ExportFormat, "ExportFormat")
+            names = _names(loaded.options)
+            if clash := sorted(names & taken):
+                hint = f"update {feature.package}, or report it to its authors"
+                raise ConfigError(f"recording export has an option {clash[0]} already", hint)
+            found[name], taken = loaded, taken | names
         except MissingExtraError:
             pass  # named where the format is chosen
         except TegaError as error:
             warn(f"format {name!r} is left out: {error.message}", error.hint)
     return found
+
+
+def _names(options: Sequence[click.Parameter]) -> set[str]:
+    return {name for one in options for name in (one.name or "", *one.opts, *one.secondary_opts)}
 
 
 class _Export(click.Command):
