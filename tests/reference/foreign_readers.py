@@ -19,17 +19,12 @@ import scipy.io
 from reference.can_logs import conversation, write_log
 from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
-from reference.ros2 import BEGIN_NS, write_bag
-from reference.ros2 import array as ros2_array
-from reference.ros2 import raw as ros2_raw
 from reference.videos import encode, numbered
 from tega.config import load_config
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
-from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
-from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
@@ -56,24 +51,6 @@ def _read_video(path: Path) -> None:
 
 def _encoded_video(path: Path, codec: str) -> bytes:
     return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
-
-
-def _bag(folder: Path) -> bytes:
-    messages: list[Any] = []
-    for k in range(4):
-        t_ns = BEGIN_NS + k * 30_000_000
-        picture = pressed(0.5, noise=k)
-        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
-        messages.append(
-            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
-        )
-    return write_bag(folder / "a.mcap", messages).read_bytes()
-
-
-def _read_all(source: Any) -> None:
-    with source:
-        while source.read(0.0) is not None:
-            pass
 
 
 def _log(path: Path) -> bytes:
@@ -218,8 +195,6 @@ READERS: dict[str, Reader] = {
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
-    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
-    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
     "log .asc": ("a.asc", lambda folder: _log(folder / "a.asc"), _decode_log),
     "log .blf": ("a.blf", lambda folder: _log(folder / "a.blf"), _decode_log),
     "log .log": ("a.log", lambda folder: _log(folder / "a.log"), _decode_log),

@@ -13,6 +13,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -20,6 +21,9 @@ import numpy as np
 
 from reference.foreign_readers import Reader
 from reference.recordings import pressed
+from reference.ros2 import BEGIN_NS, write_bag
+from reference.ros2 import array as ros2_array
+from reference.ros2 import raw as ros2_raw
 from tega.config.calibration.records import read_record, write_record
 from tega.runtime.clock import ManualClock
 from tega.runtime.files.foreign_file import read_foreign
@@ -28,6 +32,8 @@ from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
 from tega_link.keys import _authority, expiry, make_keys
 from tega_practice.kept import FittsRecord
+from tega_ros2.bag_emg import Ros2Emg, Ros2EmgOptions
+from tega_ros2.bag_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega_scene.layout import example_layout, load_layout, save_layout
 from tega_scene.lens import Lens, load_lens, save_lens
 from tega_scene.offset import read_flashes
@@ -59,6 +65,24 @@ def _journal(folder: Path) -> bytes:
             journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
             journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
     return (folder / "events.jsonl").read_bytes()
+
+
+def _bag(folder: Path) -> bytes:
+    messages: list[Any] = []
+    for k in range(4):
+        t_ns = BEGIN_NS + k * 30_000_000
+        picture = pressed(0.5, noise=k)
+        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
+        messages.append(
+            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
+        )
+    return write_bag(folder / "a.mcap", messages).read_bytes()
+
+
+def _read_all(source: Any) -> None:
+    with source:
+        while source.read(0.0) is not None:
+            pass
 
 
 _CLIPS = b"""{"format": "tega-clips", "version": 1, "plan": "0", "rater": "r1", "proposed": true, "clips": [
@@ -257,6 +281,8 @@ def _of_package(package: str, name: str) -> Callable[[Path], bytes]:
 
 # Of each kind, as READERS.
 GUEST_READERS: dict[str, Reader] = {
+    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
+    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
     "marks": ("marks.csv", lambda _: _MARKS, read_marks),
     "journal": ("events.jsonl", _journal, read_events),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from tega.devices.base import Options
 from tega.devices.emg.emg_file import RecordedEmg
 from tega.errors import RecordingError
-from tega.runtime.files.ros2_bag import Ros2Bag, rows_of
+from tega_ros2.bag import Ros2Bag, rows_of
 
 _MOST_NUMBERS = 1 << 28
 # Arrivals vary; a silence is so many times the usual distance of two messages, and a rate differs by so much.

@@ -14,9 +14,9 @@ from mcap.writer import Writer as McapWriter
 from reference.command import call
 from reference.recordings import pressed, squeezes
 from reference.ros2 import BEGIN_NS, array, compressed, raw, write_bag
-from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
-from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.errors import RecordingError
+from tega_ros2.bag_emg import Ros2Emg, Ros2EmgOptions
+from tega_ros2.bag_pictures import Ros2Pictures, Ros2PicturesOptions
 
 _FEW = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 

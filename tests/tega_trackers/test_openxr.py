@@ -16,12 +16,12 @@ from click.testing import CliRunner
 
 from reference import processes
 from reference.trackers import Steered, some, until, wrist_goes
-from tega.devices.tracker.openxr import OpenXr
-from tega.devices.tracker.openxr_session import OpenXrOptions
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.ui.cli.arm import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
+from tega_trackers.openxr import OpenXr
+from tega_trackers.openxr_session import OpenXrOptions
 
 pytestmark = pytest.mark.slow
 

@@ -11,8 +11,8 @@ import numpy as np
 from tega.devices.base import Options, TactileFrame
 from tega.devices.fingertip.images import RecordedPictures
 from tega.errors import RecordingError
-from tega.runtime.files.ros2_bag import Ros2Bag, picture_of
 from tega.runtime.opencv import decode_image
+from tega_ros2.bag import Ros2Bag, picture_of
 
 # Pictures whose distances give the rate.
 _FIRST = 200
