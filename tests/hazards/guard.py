@@ -23,7 +23,7 @@ VESTS: Final = "tests/tega_bench/test_vests.py::test_"
 START: Final = "tests/tega_study/test_arm_to_start.py::test_"
 REFLEX: Final = "tests/tega/property/test_reflex.py::test_"
 STAND: Final = "tests/tega/unit/test_hand_standstill.py::test_"
-LIMB: Final = "tests/tega_trackers/test_limb_loss.py::test_"
+LIMB: Final = "tests/tega/unit/test_limb_loss.py::test_"
 
 
 class Guard(NamedTuple):

@@ -14,9 +14,9 @@ import numpy as np
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import PracticeRecord, write_record
 from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
-from tega.setup.calibration.practice import keep_tracked, read_tracked
-from tega.stages.learned import fit
-from tega.stages.learned.model import load_model
+from tega_learn import fit
+from tega_learn.model import load_model
+from tega_practice.tracking import keep_tracked, read_tracked
 
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 

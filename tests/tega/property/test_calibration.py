@@ -18,10 +18,10 @@ from tega.haptics import FeltMap, vest_frame
 from tega.loop.maxima import block_length, touch_maxima
 from tega.records import Contact
 from tega.setup.calibration.gel import compare_gels, judge_rest
-from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.wire import vest_levels
+from tega_practice.tracking import Curve, score
 
 LEVELS = st.integers(1, TOP_LEVEL)
 # Up to the ceiling two at a time, down from two above, up from two below, and one question about nothing.

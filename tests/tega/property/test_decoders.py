@@ -18,10 +18,10 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, ShapeError, TegaError
 from tega.setup.contract import check_stage
 from tega.stages import MuscleSetup
-from tega.stages.learned import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
-from tega.stages.learned.compare import Log, compare
-from tega.stages.learned.features import block_features
-from tega.stages.learned.stage import LearnedOptions, LearnedStage, ProportionalOptions, ProportionalStage
+from tega_learn import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
+from tega_learn.block_features import block_features
+from tega_learn.compare import Log, compare
+from tega_learn.stage import LearnedOptions, LearnedStage, ProportionalOptions, ProportionalStage
 
 RATE_HZ, TAU = 1000.0, 100
 

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.stages.learned import fit
-from tega.stages.learned.compare import DecoderReport, Log, compare, two_halves
-from tega.stages.learned.judge import judge
+from tega_learn import fit
+from tega_learn.compare import DecoderReport, Log, compare, two_halves
+from tega_learn.judge import judge
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"

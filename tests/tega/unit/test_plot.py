@@ -21,7 +21,7 @@ from tega.haptics.torso import torso_svg
 from tega.records import Contact, NamedValue, SentFrame, VestFrame
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
-from tega.stages.learned import ProportionalDecoder, fit
+from tega_learn import ProportionalDecoder, fit
 
 HOSTILE = '<script>alert("x")</script>&'
 

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.records.table import rows_html
-from tega.stages.learned.features import Blocks, FeatureBlock, as_samples
-from tega.stages.learned.learners import refitted
-from tega.stages.learned.model import BlockScorer, Model, load_model, save_model
+from tega_learn.block_features import Blocks, FeatureBlock, as_samples
+from tega_learn.learners import refitted
+from tega_learn.model import BlockScorer, Model, load_model, save_model
 
 DRIFT_LEVELS: Final = 0.7
 """So far from the level a block's closure counts for neither side; half a level is its border."""
@@ -81,7 +81,7 @@ class Decoded(msgspec.Struct, frozen=True):
 
     Attributes:
         closure: 0 (open) to 1 (closed).
-        level: 1 to 5: the closure's, steadied (:mod:`tega.stages.learned.learned`).
+        level: 1 to 5: the closure's, steadied (:mod:`tega_learn.learned`).
         confidence: Chance that the closure is within one level of the one meant, 0 to 1; 0 if a channel is bad.
         held: Whether the closure only repeats the one before it: a channel is bad, or the block is like none that the
             model knows.
@@ -100,7 +100,7 @@ class Decoded(msgspec.Struct, frozen=True):
 
 
 class LearnedDecoder:
-    """Turn EMG samples into a closure a block, by a model of :func:`tega.stages.learned.fit`.
+    """Turn EMG samples into a closure a block, by a model of :func:`tega_learn.fit`.
 
     Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN:
     with a channel bad the closure is held, with confidence 0. A block far beyond the training data is held too.
@@ -110,7 +110,7 @@ class LearnedDecoder:
 
     Example:
         >>> import numpy as np
-        >>> from tega.stages.learned import fit
+        >>> from tega_learn import fit
         >>> rng = np.random.default_rng(1)
         >>> closure = np.repeat([0.0, 1.0, 0.0, 0.5, 0.0, 1.0] * 2, 400)
         >>> emg = rng.normal(size=(len(closure), 3)) * (5 + 100 * closure[:, None])

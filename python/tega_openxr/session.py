@@ -1,6 +1,6 @@
 """Connect to an OpenXR runtime, run a session without a picture, and locate something in it.
 
-:mod:`tega_trackers.openxr` does so in a thread. What a runtime lacks is told in plain words.
+:mod:`tega_openxr.tracker` does so in a thread. What a runtime lacks is told in plain words.
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from tega.emg import InputKind
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand import nearest_level
-from tega.stages.learned.features import Blocks
-from tega.stages.learned.learned import Decoded
+from tega_learn.block_features import Blocks
+from tega_learn.learned import Decoded
 
 _LEVEL = 0.25
 """Closure of one level."""

@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from tega.arm import ArmChain, StampedPose
 from tega.devices import driver_class
 from tega.devices.registry import list_drivers
+from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
 from tega.loop.hand import ModelledAllegro
-from tega_trackers.hololens import HoloLens, HoloLensOptions
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

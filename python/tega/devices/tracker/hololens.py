@@ -13,9 +13,9 @@ import msgspec
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
+from tega.devices.tracker.tracker_thread import RESTART_NS, SILENT_S, DeviceClock, ThreadedTracker
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.evidence import Evidence
-from tega_trackers.tracker_thread import RESTART_NS, SILENT_S, DeviceClock, ThreadedTracker
 
 # One packet of the spatial input: time, size and validity, head and eyes, 26 joints of each hand.
 _PACKET_BYTES: Final = 1948
@@ -61,7 +61,7 @@ class HoloLens(ThreadedTracker):
     """Reads the spatial input of the hl2ss app, port 3812, 60 packets a second, in a thread of its own.
 
     Poses are in the headset's axes (``openxr``: y up, -z forward), stamped by its clock converted to the
-    host's (:class:`~tega_trackers.tracker_thread.DeviceClock`), so that those which the network delayed have
+    host's (:class:`~tega.devices.tracker.tracker_thread.DeviceClock`), so that those which the network delayed have
     their true age. A wrist that is lost, or only guessed, gives an invalid pose. A pose identical to the last
     bit was not measured again, and is skipped. The origin is where the head was when the app began.
     """

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.errors import ConfigError
+from tega.errors import CalibrationError, ConfigError
 from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-from tega.stages.learned.learned import Decoded, LearnedDecoder
-from tega.stages.learned.model import load_model
-from tega.stages.learned.proportional import ProportionalDecoder
+from tega_learn.learned import Decoded, LearnedDecoder
+from tega_learn.model import load_model
+from tega_learn.proportional import ProportionalDecoder
 
 _RATE_BLOCKS = 30
 _RATE_SHARE = 0.1
@@ -59,6 +59,38 @@ class ProportionalOptions(StageOptions, frozen=True):
     smoothing_s: Annotated[float, msgspec.Meta(ge=0.01, le=2)] = 0.15
     tau_s: Annotated[float, msgspec.Meta(ge=0.02, le=2)] = 0.1
     hold_below: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
+
+
+# The least that a model has to make of the very samples that it was fitted to.
+_REST_MOST, _EFFORT_LEAST = 0.25, 0.5
+
+
+class LearnedFile(NamedTuple):
+    """A learned model in its file, to be fitted to a day: a :class:`~tega.stages.base.DayModel`."""
+
+    file: Path
+    decoder: LearnedDecoder
+
+    def check_fits(self, **run: Any) -> None:
+        """Refuse a source or a person that the model was not made for, as :meth:`Model.check_fits` does."""
+        self.decoder.model.check_fits(**run)
+
+    def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> LearnedFile:
+        """Return the model fitted to rest and effort, if it then distinguishes them."""
+        target = np.repeat([0.0, 1.0], [len(rest), len(effort)])
+        fitted = self.decoder.recalibrated(np.concatenate([rest, effort]), target)
+        at_rest, at_work = (float(np.median(LearnedDecoder(fitted.model).process(s))) for s in (rest, effort))
+        if at_rest > _REST_MOST or at_work < _EFFORT_LEAST:
+            raise CalibrationError(
+                f"{self.file.name}: fitted to today it makes closure {at_rest:.2f} of rest and {at_work:.2f} of "
+                f"effort, at most {_REST_MOST:g} and at least {_EFFORT_LEAST:g} are needed",
+                "practise for a minute, then fit a new one: tega-teleop practice, tega-teleop emg fit",
+            )
+        return self._replace(decoder=fitted)
+
+    def save(self, path: Path) -> None:
+        """Write it to a file."""
+        self.decoder.save(path)
 
 
 class _Pace:
@@ -122,7 +154,7 @@ class _BlockStage(Decoder):
 
 
 class LearnedStage(_BlockStage):
-    """A learned model: :class:`tega.decoders.LearnedDecoder`.
+    """A learned model: :class:`tega_learn.LearnedDecoder`.
 
     Raises ``ConfigError`` without a model, ``CalibrationError`` for one missing, damaged or of other muscles.
     """
@@ -151,9 +183,25 @@ class LearnedStage(_BlockStage):
         self._pace = _Pace(model.tau / model.rate_hz * 1e9)
         self._hold_below = options.hold_below
 
+    @classmethod
+    def day_model(cls, options: StageOptions) -> LearnedFile:
+        """Return the model that the options name; a kernel is a ``CalibrationError``: it cannot be refitted."""
+        assert isinstance(options, LearnedOptions)
+        if options.model is None:
+            raise ConfigError(
+                "decoder 'learned' names no model", "set stages.decoder.options.model to its file"
+            )
+        decoder = LearnedDecoder.load(options.model)
+        if decoder.model.model == "kernel":
+            raise CalibrationError(
+                f"{options.model.name}: a kernel cannot be refitted in ten seconds",
+                "practise for a minute, then fit it again: tega-teleop emg fit",
+            )
+        return LearnedFile(options.model, decoder)
+
 
 class ProportionalStage(_BlockStage):
-    """The plain baseline: :class:`tega.decoders.ProportionalDecoder`; its dead band lies below full."""
+    """The plain baseline: :class:`tega_learn.ProportionalDecoder`; its dead band lies below full."""
 
     summary: ClassVar[str] = "closure in proportion to one channel, or one less another, with a dead band"
     options_type: ClassVar[type[StageOptions]] = ProportionalOptions

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import CalibrationError, ShapeError
 from tega.runtime.lifecycle import require
-from tega.stages.learned.features import Blocks
-from tega.stages.learned.model import BlockScorer, Model
+from tega_learn.block_features import Blocks
+from tega_learn.model import BlockScorer, Model
 
 RIDGE: Final = 2e-3
 """Strength of the ridge for each training block, on features in standard deviations."""

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega.stages.learned.features import AMPLITUDES, AR_ORDER, block_features, n_values
+from tega_learn.block_features import AMPLITUDES, AR_ORDER, block_features, n_values
 
 _Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]

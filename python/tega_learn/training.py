@@ -13,9 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.emg import InputKind
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
-from tega.stages.learned.features import AMPLITUDES, AR_ORDER, FEATURES, Blocks, as_samples, block_features
-from tega.stages.learned.learned import LearnedDecoder
-from tega.stages.learned.learners import (
+from tega_learn.block_features import AMPLITUDES, AR_ORDER, FEATURES, Blocks, as_samples, block_features
+from tega_learn.learned import LearnedDecoder
+from tega_learn.learners import (
     LEAST_NOVELTY,
     LEAST_NOVELTY_OF_TWO,
     RIDGE,
@@ -25,7 +25,7 @@ from tega.stages.learned.learners import (
     judge_kept_back,
     rising_polyline,
 )
-from tega.stages.learned.model import REJECTED, Model
+from tega_learn.model import REJECTED, Model
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)

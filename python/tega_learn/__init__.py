@@ -5,11 +5,11 @@ NumPy alone. :class:`ProportionalDecoder` is the plain baseline. In a run they a
 ``docs/evidence/emg-decoders.md``.
 """
 
-from tega.stages.learned.features import FEATURES
-from tega.stages.learned.learned import Decoded, LearnedDecoder
-from tega.stages.learned.model import Model, load_model, save_model
-from tega.stages.learned.proportional import ProportionalDecoder
-from tega.stages.learned.training import fit
+from tega_learn.block_features import FEATURES
+from tega_learn.learned import Decoded, LearnedDecoder
+from tega_learn.model import Model, load_model, save_model
+from tega_learn.proportional import ProportionalDecoder
+from tega_learn.training import fit
 
 __all__ = [
     "FEATURES",

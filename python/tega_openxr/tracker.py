@@ -11,12 +11,12 @@ from typing import Any, ClassVar, Final
 
 from tega.arm.pose import StampedPose
 from tega.devices.base import DeviceInfo, Options
+from tega.devices.tracker.tracker_thread import RESTART_NS, SILENT_S, ThreadedTracker
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import Evidence
 from tega.runtime.lifecycle import require
 from tega.runtime.reopening import Reopening
-from tega_trackers.openxr_session import Located, OpenXrOptions, XrSession
-from tega_trackers.tracker_thread import RESTART_NS, SILENT_S, ThreadedTracker
+from tega_openxr.session import Located, OpenXrOptions, XrSession
 
 _STATES: Final = {
     "unknown": "the runtime has not begun the session",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
-from tega.config.calibration.records import PracticeRecord, read_record, utc_now
+from tega.config.calibration.records import PracticeRecord, utc_now
 from tega.config.choose import block_s, decoder_choice, muscle_decoder
 from tega.config.person import person_calibration, whose
 from tega.devices.base import EmgChunk
@@ -27,11 +27,9 @@ from tega.errors import CalibrationError, ConfigError, InvalidValueError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.maxima import emg_conditions
 from tega.records import Intent
-from tega.runtime.files.foreign_file import load_npy, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.steps_emg import drain
-from tega.stages.learned.compare import Log
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75
@@ -98,7 +96,6 @@ def score(t_s: Sequence[float], levels: Sequence[int], curve: Curve) -> Score:
     )
 
 
-_MOST_MIB = 1024
 _TOP_STEPS = 4
 
 
@@ -131,29 +128,6 @@ def keep_tracked(data: NDArray[np.float64], record: Path) -> Path:
     path = record.with_suffix(".npy")
     write_whole(path, file.getvalue(), sync=True)
     return path
-
-
-def read_tracked(record: Path) -> tuple[Log, PracticeRecord]:
-    """Read a practice record and the EMG beside it, in the source's unit, which earlier versions did not keep."""
-    if not record.is_file():
-        raise CalibrationError(f"{record.name}: no such practice record", f"looked for {record}")
-    reported = read_record(record, PracticeRecord)
-    path = record.with_suffix(".npy")
-    if reported.kind is None or reported.rate_hz is None or not path.exists():
-        raise CalibrationError(
-            f"{record.name}: keeps no EMG", "track again: tega-teleop practice SETTINGS.toml --person ID"
-        )
-    try:
-        data = load_npy(read_foreign(path, most_mib=_MOST_MIB, error=CalibrationError), path.name)
-    except ValueError as error:
-        raise CalibrationError(f"{path.name}: damaged: {error}", "track again") from error
-    if data.dtype != np.float64 or data.ndim != 2 or data.shape[1] != len(reported.channels) + 1:
-        raise CalibrationError(
-            f"{path.name}: {data.dtype} {data.shape}, expected float64 (n, {len(reported.channels) + 1})",
-            "track again",
-        )
-    samples, target = np.ascontiguousarray(data[:, :-1]), np.ascontiguousarray(data[:, -1])
-    return Log(record.name, samples, target, reported.rate_hz, reported.kind), reported
 
 
 _READ_S = 0.05

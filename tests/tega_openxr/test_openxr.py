@@ -20,8 +20,8 @@ from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.ui.cli.arm import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
-from tega_trackers.openxr import OpenXr
-from tega_trackers.openxr_session import OpenXrOptions
+from tega_openxr.session import OpenXrOptions
+from tega_openxr.tracker import OpenXr
 
 pytestmark = pytest.mark.slow
 

@@ -16,8 +16,8 @@ import pytest
 from numpy.typing import NDArray
 
 from reference.trackers import some
+from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
 from tega_emulators.process import Emulator
-from tega_trackers.hololens import HoloLens, HoloLensOptions
 
 STATUS = {"left": 1 | 4, "right": 1 | 8}
 WRIST = 1

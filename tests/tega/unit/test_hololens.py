@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.trackers import Steered, some, until
+from tega.devices.tracker.hololens import HoloLens, HoloLensOptions
+from tega.devices.tracker.tracker_thread import DeviceClock
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega_emulators.process import Emulator
-from tega_trackers.hololens import HoloLens, HoloLensOptions
-from tega_trackers.tracker_thread import DeviceClock
 
 
 @pytest.fixture
