@@ -24,7 +24,7 @@ from tega.records import RECORDS, Contact, HandExchange, Joints, LogLine, Pictur
 from tega.records.bus import Bus
 from tega.records.schema import fields
 from tega.ui.view import same_machine
-from tega.ui.view.foxglove_stream import FoxgloveStream
+from tega_viewers.foxglove_stream import FoxgloveStream
 
 FINGER = "thumb"
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tega.loop.pacing import Pacer
 from tega.loop.rig import ClockStep
 from tega.runtime.clock import ManualClock
-from tega.runtime.lsl import to_monotonic_s
+from tega_lsl.library import to_monotonic_s
 
 MS = 1_000_000
 

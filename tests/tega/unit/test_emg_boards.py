@@ -14,9 +14,9 @@ from reference.emg_boards import (
     opened,
     phases,
 )
-from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
+from tega_lsl.emg import LslEmg, LslEmgOptions
 
 pytestmark = pytest.mark.slow
 

@@ -15,7 +15,7 @@ from tega.devices import driver_class, driver_names
 from tega.devices.base import optional
 from tega.devices.emg.stream_evidence import AlternationCheck, PacketOrder, ValueCheck
 from tega.runtime.evidence import EVIDENCE, Contradictions, StampCheck
-from tega.runtime.lsl import ClockCorrection
+from tega_lsl.library import ClockCorrection
 
 LIVE = ("tactile", "emg", "hand", "tracker")
 PAGE = Path(__file__).parents[3] / "docs" / "evidence" / "faults.md"

@@ -7,7 +7,7 @@ from tega.runtime.features import Feature
 FEATURE = Feature(
     summary="Live streams to the viewers Foxglove and Rerun.",
     streams={
-        "foxglove": "tega.ui.view.foxglove_stream:FoxgloveStream",
-        "rerun": "tega.ui.view.rerun_stream:RerunStream",
+        "foxglove": "tega_viewers.foxglove_stream:FoxgloveStream",
+        "rerun": "tega_viewers.rerun_stream:RerunStream",
     },
 )

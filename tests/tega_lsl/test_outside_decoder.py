@@ -22,7 +22,7 @@ from tega.records import Alert, Intent, RunState
 from tega.records.bus import Bus
 from tega.safety.stop import Stop
 from tega.stages import MuscleSetup
-from tega_learn.outside import OutsideDecoder, OutsideOptions
+from tega_lsl.decoder import OutsideDecoder, OutsideOptions
 
 pylsl = pytest.importorskip("pylsl")
 pytestmark = pytest.mark.slow

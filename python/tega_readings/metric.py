@@ -50,7 +50,7 @@ class ReadingOptions(StageOptions, frozen=True):
     """Options of the metric ``reading``.
 
     Attributes:
-        threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega.stages.readings`.
+        threshold: Reading of Eq 4 and 5, D1 to D8: see :mod:`tega_readings.metric`.
         weights: ω of Eq 1 for red, green, blue; their sum is 1.
         difference: Difference of frame and baseline; none means signed for D1, rectified for D2, else absolute. D3 to
             D8 also accept ``l2`` (root mean square over the channels) and ``luminance`` (weighted, then absolute).

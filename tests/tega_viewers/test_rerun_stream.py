@@ -17,7 +17,7 @@ from tega.errors import DeviceUnavailableError
 from tega.haptics import FINGERS
 from tega.records import Contact, Intent, Joints, Picture, RunState, Skip, VestFrame
 from tega.records.bus import Bus
-from tega.ui.view.rerun_stream import RerunStream, save_layout
+from tega_viewers.rerun_stream import RerunStream, save_layout
 
 NAMES = (*FINGERS, "vest, percent", "closure level", "joint angles, rad", "states, alerts, events")
 

@@ -13,11 +13,11 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.devices import driver_class
-from tega.devices.emg.brainflow_emg import BrainFlowEmg, BrainFlowOptions
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.runtime.evidence import StampCheck
+from tega_brainflow.emg import BrainFlowEmg, BrainFlowOptions
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow

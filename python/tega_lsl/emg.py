@@ -15,7 +15,7 @@ from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import LATE_S, Contradiction, Evidence, StampCheck, refuse
-from tega.runtime.lsl import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega_lsl.library import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl, to_monotonic_s
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1

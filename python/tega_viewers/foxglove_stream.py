@@ -29,7 +29,7 @@ class FoxgloveStream:
 
     Programs of this machine and the app can read the stream. Pages of other sites that are open in the same
     browser, and other names of this machine, are refused. Nothing can be changed by it.
-    ``python/tega/ui/view/foxglove-layout.json`` is a layout for the app. A ``port`` of 0 takes any free one;
+    ``python/tega_viewers/foxglove-layout.json`` is a layout for the app. A ``port`` of 0 takes any free one;
     ``url`` is what the app needs, empty while closed.
     """
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from tega.errors import DeviceUnavailableError
 from tega.records import Intent
 from tega.runtime.evidence import Contradiction, is_other_clock, refuse
-from tega.runtime.lsl import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
+from tega_lsl.library import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl
 
 _NAME = "lsl"
 _MOST_ROWS = 4096
