@@ -17,7 +17,6 @@ import numpy as np
 import scipy.io
 
 from reference.can_logs import conversation, write_log
-from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
 from reference.videos import encode, numbered
 from tega.config import load_config
@@ -28,6 +27,7 @@ from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
+from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.hand.poses import load_poses
 from tega.loop import worn_vest
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
@@ -40,6 +40,15 @@ from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
 
 Reader = tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
+
+
+def _read_hand(path: Path) -> None:
+    home = CalibrationFolder(path.parent / "kept")
+    home.person("p01").mkdir(parents=True, exist_ok=True)
+    there = home.person("p01") / path.name
+    there.unlink(missing_ok=True)
+    os.link(path, there, follow_symlinks=False)  # pipes and sockets as well
+    home.hand("p01")
 
 
 def _read_video(path: Path) -> None:
@@ -202,4 +211,10 @@ READERS: dict[str, Reader] = {
     "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
     "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
     "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),
-} | RECORD_READERS
+    "hand of a person": ("person.toml", lambda _: b'hand = "left"\n', _read_hand),
+    "key of the Player": (
+        "key.txt",
+        lambda _: b"0123456789abcdef\n",
+        lambda p: versions_to_ask(PlayerOptions(version="3", app_id="tega", api_key_file=p)),
+    ),
+}

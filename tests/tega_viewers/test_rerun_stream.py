@@ -67,7 +67,7 @@ def displayed(layout: Path) -> set[str]:
 
 
 def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(tmp_path: Path) -> None:
-    saved = Path(__file__).parents[3] / "docs/rerun-layout.rbl"
+    saved = Path(__file__).parents[2] / "docs/rerun-layout.rbl"
     save_layout(tmp_path / "layout.rbl")
     there = displayed(saved)
     assert there == displayed(tmp_path / "layout.rbl")

@@ -37,7 +37,7 @@ from tega.recording.session import VERSION
 from tega.records import RECORDS, Contact, EmgSamples, NamedValue, Picture
 from tega.records.schema import own_schema, read, schema_name
 
-GOLDEN = Path(__file__).parents[2] / "golden"
+GOLDEN = Path(__file__).parents[1] / "golden"
 
 
 STREAMS = {

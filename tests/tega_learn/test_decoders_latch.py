@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tega_learn import ProportionalDecoder, fit
 from tega_learn.learned import Latch
 
 BLOCK_S = 0.1
@@ -83,4 +84,17 @@ def test_a_level_that_has_changed_often_of_late_is_changed_later() -> None:
     busy = steady + ([1.0] * 8 + [0.0] * 8) * 12
     assert changed_after(steady + [0.25] * 40, len(steady), 2) < changed_after(
         busy + [0.25] * 60, len(busy), 2
+    )
+
+
+def test_what_is_printed_is_short_and_escapes_names() -> None:
+    hostile = '<script>alert("x")</script>&'
+    rng = np.random.default_rng(1)
+    closure = np.repeat([0.0, 1.0, 0.0, 0.5, 0.0, 1.0] * 2, 400)
+    samples = rng.normal(size=(len(closure), 2)) * (5 + 100 * closure[:, None])
+    decoder = fit(samples, closure, rate_hz=200, tau=20, channels=(hostile, "b"), person=hostile)
+    assert "<script>" not in decoder._repr_html_()
+    assert "200 Hz" in repr(decoder)
+    assert repr(ProportionalDecoder(200, [1.0], tau=20)) == (
+        "<ProportionalDecoder: raw, 200 Hz, closes by channel 0>"
     )

@@ -19,7 +19,7 @@ from tega_learn import fit
 from tega_learn.compare import DecoderReport, Log, compare, two_halves
 from tega_learn.judge import judge
 
-ROOT = Path(__file__).resolve().parents[3]
+ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"
 BARS = {"v1": 0.86, "v2": 0.94, "v8": 0.94, "v10": 0.94, "v6": 0.90, "v12": 0.85}
 FOLLOWED_BY_THE_RULE = ("v1", "v2", "v8", "v10")
