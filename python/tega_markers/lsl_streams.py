@@ -27,7 +27,7 @@ from tega.records import (
 from tega.records.bus import Backlog, Bus
 from tega.records.schema import MessageField, fields
 from tega.runtime.evidence import is_other_clock
-from tega.runtime.lsl import find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega_lsl.library import find_streams, hosts_of, load_lsl, to_monotonic_s
 from tega_markers.settings import LslStreamName
 
 _KINDS: Final[Mapping[LslStreamName, tuple[type[Record], ...]]] = {

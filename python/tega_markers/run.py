@@ -10,7 +10,7 @@ from typing import Any
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.records import Alert, Button, Event, HeardMarker, Record, RunState
 from tega.records.bus import Backlog, Bus
-from tega.runtime.lsl import load_lsl, to_monotonic_s
+from tega_lsl.library import load_lsl, to_monotonic_s
 from tega_markers.lsl_streams import LslMarkersIn, LslStreams, ReceivedMarker
 from tega_markers.settings import MarkersSection
 

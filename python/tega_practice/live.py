@@ -14,9 +14,9 @@ from tega.config.choose import decoder_choice
 from tega.config.person import whose
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.guide import Bar, Guide
-from tega.setup.calibration.practice import MuscleLoop
 from tega_practice.fitts import CONDITIONS, FittsScore, Movement, fitts_score
 from tega_practice.kept import FittsRecord, keep_record, movement_row
+from tega_practice.tracking import MuscleLoop
 
 DWELL_S: Final = 1.0
 TIMEOUT_S: Final = 10.0

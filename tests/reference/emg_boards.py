@@ -13,11 +13,11 @@ from tega.devices.base import EmgChunk
 from tega.devices.emg.chords import Chords, ChordsOptions
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
-from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.devices.emg.spiker import Spiker, SpikerOptions
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
+from tega_lsl.emg import LslEmg, LslEmgOptions
 
 # Nothing here waits that long unless it fails.
 PATIENCE_S = 60.0

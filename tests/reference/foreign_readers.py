@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import os
 import shutil
 from collections.abc import Callable
 from datetime import UTC, datetime
@@ -17,22 +18,17 @@ import numpy as np
 import scipy.io
 
 from reference.can_logs import conversation, write_log
-from reference.foreign_records import RECORD_READERS
 from reference.recordings import pressed, write_video
-from reference.ros2 import BEGIN_NS, write_bag
-from reference.ros2 import array as ros2_array
-from reference.ros2 import raw as ros2_raw
 from reference.videos import encode, numbered
 from tega.config import load_config
 from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
-from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
-from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
 from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
+from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.hand.poses import load_poses
 from tega.loop import worn_vest
 from tega.recording.annotations import AnnotationFile, annotations_path, read_annotations
@@ -47,6 +43,15 @@ from tega.runtime.opencv import read_image
 Reader = tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
 
 
+def _read_hand(path: Path) -> None:
+    home = CalibrationFolder(path.parent / "kept")
+    home.person("p01").mkdir(parents=True, exist_ok=True)
+    there = home.person("p01") / path.name
+    there.unlink(missing_ok=True)
+    os.link(path, there, follow_symlinks=False)  # pipes and sockets as well
+    home.hand("p01")
+
+
 def _read_video(path: Path) -> None:
     with VideoFile(VideoFileOptions(file=path)) as video:
         for _ in range(50):
@@ -56,24 +61,6 @@ def _read_video(path: Path) -> None:
 
 def _encoded_video(path: Path, codec: str) -> bytes:
     return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
-
-
-def _bag(folder: Path) -> bytes:
-    messages: list[Any] = []
-    for k in range(4):
-        t_ns = BEGIN_NS + k * 30_000_000
-        picture = pressed(0.5, noise=k)
-        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
-        messages.append(
-            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
-        )
-    return write_bag(folder / "a.mcap", messages).read_bytes()
-
-
-def _read_all(source: Any) -> None:
-    with source:
-        while source.read(0.0) is not None:
-            pass
 
 
 def _log(path: Path) -> bytes:
@@ -218,8 +205,6 @@ READERS: dict[str, Reader] = {
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
-    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
-    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
     "log .asc": ("a.asc", lambda folder: _log(folder / "a.asc"), _decode_log),
     "log .blf": ("a.blf", lambda folder: _log(folder / "a.blf"), _decode_log),
     "log .log": ("a.log", lambda folder: _log(folder / "a.log"), _decode_log),
@@ -227,4 +212,10 @@ READERS: dict[str, Reader] = {
     "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
     "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
     "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),
-} | RECORD_READERS
+    "hand of a person": ("person.toml", lambda _: b'hand = "left"\n', _read_hand),
+    "key of the Player": (
+        "key.txt",
+        lambda _: b"0123456789abcdef\n",
+        lambda p: versions_to_ask(PlayerOptions(version="3", app_id="tega", api_key_file=p)),
+    ),
+}

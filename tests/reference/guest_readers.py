@@ -13,6 +13,7 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import cv2
 import msgspec
@@ -20,14 +21,23 @@ import numpy as np
 
 from reference.foreign_readers import Reader
 from reference.recordings import pressed
-from tega.config.calibration.records import read_record, write_record
+from reference.ros2 import BEGIN_NS, write_bag
+from reference.ros2 import array as ros2_array
+from reference.ros2 import raw as ros2_raw
+from tega.config.calibration.records import PracticeRecord, read_record, write_record
 from tega.runtime.clock import ManualClock
 from tega.runtime.files.foreign_file import read_foreign
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
+from tega_learn import fit
+from tega_learn.logs import read_tracked
+from tega_learn.model import load_model
 from tega_link.keys import _authority, expiry, make_keys
 from tega_practice.kept import FittsRecord
+from tega_practice.tracking import keep_tracked
+from tega_ros2.bag_emg import Ros2Emg, Ros2EmgOptions
+from tega_ros2.bag_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega_scene.layout import example_layout, load_layout, save_layout
 from tega_scene.lens import Lens, load_lens, save_lens
 from tega_scene.offset import read_flashes
@@ -59,6 +69,48 @@ def _journal(folder: Path) -> bytes:
             journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
             journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
     return (folder / "events.jsonl").read_bytes()
+
+
+def _bag(folder: Path) -> bytes:
+    messages: list[Any] = []
+    for k in range(4):
+        t_ns = BEGIN_NS + k * 30_000_000
+        picture = pressed(0.5, noise=k)
+        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
+        messages.append(
+            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
+        )
+    return write_bag(folder / "a.mcap", messages).read_bytes()
+
+
+def _read_all(source: Any) -> None:
+    with source:
+        while source.read(0.0) is not None:
+            pass
+
+
+@functools.cache
+def _model() -> bytes:
+    rng, target = np.random.default_rng(1), np.tile(np.repeat([0.0, 1.0], 200), 8)
+    samples = rng.normal(size=(len(target), 1)) * (5 + 50 * target[:, None])
+    made = fit(samples, target, rate_hz=200, tau=20, kind="raw")
+    return msgspec.json.encode(made.model)
+
+
+def _practice() -> PracticeRecord:
+    return PracticeRecord(
+        made=_MADE, device="tty", driver="cyton", person="p01", preset="live", seed=1, duration_s=0.1,
+        in_target_percent=50.0, rms_error_levels=0.5, kind="raw", rate_hz=200.0, channels=("a", "b"),
+    )  # fmt: skip
+
+
+def _tracked(folder: Path) -> bytes:
+    return keep_tracked(np.arange(60.0).reshape(20, 3), folder / "r.toml").read_bytes()
+
+
+def _read_tracked(path: Path) -> None:
+    write_record(_practice(), path.with_suffix(".toml"))
+    read_tracked(path.with_suffix(".toml"))
 
 
 _CLIPS = b"""{"format": "tega-clips", "version": 1, "plan": "0", "rater": "r1", "proposed": true, "clips": [
@@ -257,6 +309,10 @@ def _of_package(package: str, name: str) -> Callable[[Path], bytes]:
 
 # Of each kind, as READERS.
 GUEST_READERS: dict[str, Reader] = {
+    "model of a decoder": ("model.json", lambda _: _model(), load_model),
+    "samples of a practice": ("r.npy", _tracked, _read_tracked),
+    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
+    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
     "marks": ("marks.csv", lambda _: _MARKS, read_marks),
     "journal": ("events.jsonl", _journal, read_events),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),

@@ -275,7 +275,7 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
 
 
 def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tega.loop.homing.PATIENCE_S", 2.0)
+    monkeypatch.setattr("tega_bench.homing.PATIENCE_S", 2.0)
     with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
         config = check_tree(lab.tree, {}, base=tmp_path).config
         report = accept_device(config, acceptance_case(config, "arm"), Person(""), answered=True)

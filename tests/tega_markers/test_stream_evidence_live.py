@@ -15,13 +15,13 @@ import pytest
 from reference.processes import until
 from tega.config import check_tree
 from tega.devices.emg.cyton import Cyton, CytonOptions
-from tega.devices.emg.lsl_emg import LslEmg, LslEmgOptions
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError, StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
+from tega_lsl.emg import LslEmg, LslEmgOptions
 from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 
 pytestmark = [

@@ -28,12 +28,12 @@ from reference.command import call
 from reference.record_strategies import records_of
 from reference.ros2 import in_time
 from reference.sessions import rewritten
-from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
-from tega.devices.fingertip.ros2_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega.errors import RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_reader import McapReader, Message, read_picture
 from tega.records import RECORDS, Contact, Intent, Record
+from tega_ros2.bag_emg import Ros2Emg, Ros2EmgOptions
+from tega_ros2.bag_pictures import Ros2Pictures, Ros2PicturesOptions
 from tega_ros2.definitions import Definitions
 from tega_ros2.outputs import export_bag
 from together.property.test_records import recorded

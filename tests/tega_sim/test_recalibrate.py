@@ -23,10 +23,10 @@ from tega.devices.registry import driver_class
 from tega.loop.maxima import emg_conditions
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
-from tega.stages.learned import LearnedDecoder, fit
-from tega.stages.learned.compare import Log, shifted_electrode, two_halves
-from tega.stages.learned.judge import DecoderFigures, judge
 from tega_emulators.process import Emulator
+from tega_learn import LearnedDecoder, fit
+from tega_learn.compare import Log, shifted_electrode, two_halves
+from tega_learn.judge import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow

@@ -20,8 +20,8 @@ from tega.setup.contract import check_stage
 from tega.stages import FingerSetup, MuscleSetup, list_stages, stage_names
 from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega.stages.metrics import contact_record
-from tega.stages.readings import ReadingMetric, ReadingOptions
 from tega.tactile import ContactMetrics, contact_metrics, read_contact
+from tega_readings.metric import ReadingMetric, ReadingOptions
 
 
 def pressed(seed: int, depth: float) -> tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]]:

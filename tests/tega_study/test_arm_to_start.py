@@ -29,9 +29,9 @@ from tega.config import load_config
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import homing
-from tega.loop.homing import Settling, go_to_start
 from tega.records import ArmMeasured, ArmTurn, PoseNumbers
 from tega.records.bus import Bus
+from tega_bench.homing import Settling, go_to_start
 from tega_study.lead.benches import LabBench
 from tega_study.lead.rest_tasks import RestTaskEndedError, RunningTask
 from tega_study.lead.running_trial import in_thread

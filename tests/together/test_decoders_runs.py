@@ -18,9 +18,10 @@ from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
 from tega.loop import run_session
 from tega.recording.replay import replay_file
-from tega.setup.calibration.practice import Curve, keep_tracked, read_tracked, tracked_samples
-from tega.stages.learned import LearnedDecoder
 from tega.ui.cli.main import main
+from tega_learn import LearnedDecoder
+from tega_learn.logs import read_tracked
+from tega_practice.tracking import Curve, keep_tracked, tracked_samples
 
 
 def teleop(*words: str) -> int:

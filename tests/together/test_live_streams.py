@@ -24,7 +24,7 @@ from tega.records import RECORDS, Contact, HandExchange, Joints, LogLine, Pictur
 from tega.records.bus import Bus
 from tega.records.schema import fields
 from tega.ui.view import same_machine
-from tega.ui.view.foxglove_stream import FoxgloveStream
+from tega_viewers.foxglove_stream import FoxgloveStream
 
 FINGER = "thumb"
 
@@ -215,7 +215,7 @@ def test_a_port_that_is_taken_is_told() -> None:
 
 
 def test_the_layout_names_topics_and_fields_that_there_are() -> None:
-    text = (files("tega.ui.view") / "foxglove-layout.json").read_text()
+    text = (files("tega_viewers") / "foxglove-layout.json").read_text()
     layout = json.loads(text)
     kinds = {kind.topic.replace("{finger}", FINGER): kind for kind in RECORDS if kind.topic}
     named = re.findall(r'"(/[a-z]+/[a-z/]+|/log)(?:\.([a-z_]+))?', text)

@@ -22,9 +22,9 @@ from reference.processes import until
 from tega.errors import TegaError
 from tega.hand import joined_level
 from tega.records import Intent
-from tega.stages.learned import fit
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.stages.registry import StageRecord, list_stages, stage_class
+from tega_learn import fit
 
 pytestmark = pytest.mark.slow
 

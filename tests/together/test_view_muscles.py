@@ -15,10 +15,10 @@ from tega.config import check_tree
 from tega.loop import run_session
 from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
 from tega.records.bus import Bus
-from tega.stages.learned import fit
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import DecodersApart, MuscleRows, SessionFeed
 from tega.ui.view.state import ViewState
+from tega_learn import fit
 
 
 def reported(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:

@@ -1,6 +1,6 @@
 //! An emulated `OpenXR` runtime: what `OpenXR`'s own loader loads where `XR_RUNTIME_JSON` names it.
 //!
-//! It is a peer for the tests of `tega.devices.tracker.openxr` and in no wheel; nothing else depends on it. As with a real
+//! It is a peer for the tests of `tega_openxr.tracker` and in no wheel; nothing else depends on it. As with a real
 //! runtime the poses come from another process, here `tega_emulators.openxr`, which is asked over the
 //! connection that the environment variable `TEGA_OPENXR_EMULATOR` names. It keeps to `OpenXR` 1.0 as far as a tracker
 //! needs it: one instance with one headless session, actions with poses, joints of hands, time conversion.

@@ -10,7 +10,8 @@ import collections.abc
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from html import escape
-from typing import ClassVar, Literal, NamedTuple
+from pathlib import Path
+from typing import ClassVar, Literal, NamedTuple, Protocol
 
 import msgspec
 import numpy as np
@@ -227,6 +228,28 @@ class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
     metric: Metric
 
 
+class DayModel(Protocol):
+    """A model in a file that a decoder runs, which a recalibration fits to the day's muscles."""
+
+    @property
+    def file(self) -> Path:
+        """Its file."""
+
+    def check_fits(
+        self, *, kind: str, rate_hz: float, channels: tuple[str, ...], name: str, person: str
+    ) -> None:
+        """Refuse a source or a person that the model was not made for: ``CalibrationError``."""
+
+    def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> DayModel:
+        """Return the model fitted to samples (n, channels) at rest and at effort.
+
+        Raises ``CalibrationError`` if it then does not distinguish them.
+        """
+
+    def save(self, path: Path) -> object:
+        """Write it to a file."""
+
+
 class Decoder(_Stage, ABC):
     """Turns EMG samples into the operator's intent: entry-point group ``tega.decoders``.
 
@@ -240,6 +263,11 @@ class Decoder(_Stage, ABC):
     def block_s(cls, options: StageOptions) -> float:  # noqa: ARG003  # for those that have their own
         """Return the length of the blocks that its maxima are calibrated with, seconds."""
         return 0.1
+
+    @classmethod
+    def day_model(cls, options: StageOptions) -> DayModel | None:  # noqa: ARG003  # for those that have one
+        """Return the model that its options name, to be fitted to a day; ``None`` for a decoder without."""
+        return None
 
     @abstractmethod
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:

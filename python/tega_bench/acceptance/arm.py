@@ -12,11 +12,11 @@ import msgspec
 import numpy as np
 
 from tega.config import ArmConfig, SessionConfig
-from tega.loop.homing import go_to_start, watch_arm
 from tega.records import ArmTurn
 from tega.records.bus import Bus
 from tega_bench.acceptance.outputs import seen_status, skipped_steps
 from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceStatus, AcceptanceStep, spread_ms
+from tega_bench.homing import go_to_start, watch_arm
 
 LEAST_UP_M: Final = 0.02
 LEAST_SPEED_M_S: Final = 0.05

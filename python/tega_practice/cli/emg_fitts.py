@@ -49,8 +49,8 @@ def practice(
     With --json: {"person", "decoder", "seconds", "seed", "in_target_percent", "rms_error_levels", "delay_s", "file"}.
     """
     from tega.config import load_config
-    from tega.setup.calibration.practice import track
     from tega.ui.cli.guide_page import guided
+    from tega_practice.tracking import track
 
     config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None

@@ -13,11 +13,11 @@ from tega.config import SessionConfig
 from tega.devices.base import optional
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError, TegaError
-from tega.loop.homing import go_to_start
 from tega.loop.prepare import prepare
 from tega.runtime.guide import Bar, Shows
 from tega.setup.calibration.effort import judge_squeezes
 from tega.setup.calibration.steps_emg import collect, drain
+from tega_bench.homing import go_to_start
 from tega_study.journal import Kind
 from tega_study.lead.running_trial import in_thread
 

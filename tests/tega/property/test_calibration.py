@@ -1,4 +1,4 @@
-"""The pure parts of a calibration: the ladder, presses, gels, records, the practice curve."""
+"""The pure parts of a calibration: the ladder, presses, gels, records."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from tega.haptics import FeltMap, vest_frame
 from tega.loop.maxima import block_length, touch_maxima
 from tega.records import Contact
 from tega.setup.calibration.gel import compare_gels, judge_rest
-from tega.setup.calibration.practice import Curve, score
 from tega.setup.calibration.presses import PRESSES, PressMeter
 from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.wire import vest_levels
@@ -220,23 +219,6 @@ def test_an_emg_record_is_read_as_written(
         path = Path(folder) / "emg.toml"
         write_record(record, path)
         assert read_record(path, EmgRecord) == record
-
-
-@given(st.floats(10, 40), st.integers(0, 1000), st.integers(0, 9))
-def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
-    duration_s: float, seed: int, late: int
-) -> None:
-    curve = Curve(duration_s, seed=seed)
-    t_s = [k / 10 for k in range(int(duration_s * 10))]
-    requested = [curve.at(t) for t in t_s]
-    assert 1 <= min(requested) <= max(requested) <= 5
-    on_time = score(t_s, [round(a) for a in requested], curve)
-    assert on_time.in_target == 1.0
-    assert on_time.rms_error_levels < 0.5
-    delayed = score(t_s, [round(curve.at(t - late / 10)) for t in t_s], curve)
-    assert delayed.delay_s is not None
-    assert abs(delayed.delay_s - late / 10) <= 0.1001
-    assert score(t_s, [1] * len(t_s), curve).delay_s is None
 
 
 @pytest.mark.parametrize(("rate_hz", "n"), [(10.0, 1), (200.0, 20), (1000.0, 100), (1259.3, 126)])

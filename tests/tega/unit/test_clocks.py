@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -13,7 +12,6 @@ from hypothesis import strategies as st
 from tega.loop.pacing import Pacer
 from tega.loop.rig import ClockStep
 from tega.runtime.clock import ManualClock
-from tega.runtime.lsl import to_monotonic_s
 
 MS = 1_000_000
 
@@ -117,18 +115,3 @@ def test_a_second_jump_counts_from_the_first(monkeypatch: pytest.MonkeyPatch) ->
     assert "+60.0 s" in step()
     clocks.go(1.0, jump_s=-2.0)
     assert "-2.0 s" in step()
-
-
-def test_a_thread_that_is_put_aside_between_two_looks_moves_no_time() -> None:
-    """The library's clock is ours on Linux: a marker's time must not hang on how long two calls took."""
-
-    def looked_at_late() -> float:
-        time.sleep(0.02)
-        return time.monotonic()
-
-    assert to_monotonic_s(SimpleNamespace(local_clock=looked_at_late)) == 0.0
-
-
-def test_a_clock_of_another_beginning_is_shifted_to_ours() -> None:
-    library = SimpleNamespace(local_clock=lambda: time.monotonic() + 1000.0)
-    assert to_monotonic_s(library) == pytest.approx(-1000.0, abs=1.0)

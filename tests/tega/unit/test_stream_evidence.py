@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,14 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from tega.devices import driver_class, driver_names
-from tega.devices.base import optional
 from tega.devices.emg.stream_evidence import AlternationCheck, PacketOrder, ValueCheck
-from tega.runtime.evidence import EVIDENCE, Contradictions, StampCheck
-from tega.runtime.lsl import ClockCorrection
-
-LIVE = ("tactile", "emg", "hand", "tracker")
-PAGE = Path(__file__).parents[3] / "docs" / "evidence" / "faults.md"
+from tega.runtime.evidence import Contradictions, StampCheck
 
 
 def fed(counters: list[int], *, room: int = 12, same: bool = False) -> tuple[PacketOrder, list[int]]:
@@ -154,31 +147,6 @@ def test_the_smallest_delay_of_a_second_is_the_delay() -> None:
     assert check.delay_s == pytest.approx(0.05)
 
 
-def test_a_correction_follows_drift_and_leaves_single_outliers_out() -> None:
-    clock = ClockCorrection("s", 0.0, 0.0)
-    for k in range(1, 60):
-        now_s = float(k)
-        value = 5.0 if k % 7 == 0 else 0.01 * now_s
-        clock.follow(lambda value=value: value, now_s)  # type: ignore[misc]
-        assert abs(clock.value_s - 0.01 * now_s) < 0.021
-    assert clock.n_outliers == 8
-    assert clock.n_asked == 60
-
-
-def test_a_correction_that_stays_elsewhere_is_used_after_five_seconds() -> None:
-    clock = ClockCorrection("s", 0.0, 0.0)
-    used = [clock.follow(lambda: 3.0, float(k)) for k in range(1, 12)]
-    assert used[:5] == [0.0] * 5
-    assert used[-1] == 3.0
-
-
-def test_a_clock_that_cannot_be_asked_keeps_its_correction() -> None:
-    def lost() -> float:
-        raise TimeoutError
-
-    assert ClockCorrection("s", 0.25, 0.0).follow(lost, 9.0) == 0.25
-
-
 def found_in(samples: NDArray[np.float64], **options: object) -> list[str]:
     make = {"limits": None, "free_columns": True} | options
     found = Contradictions()
@@ -225,21 +193,3 @@ def test_contradictions_are_kept_after_they_are_over() -> None:
     check.take(np.full((100, 1), 0.5), found)
     assert found.now == ()
     assert [one.evidence for one in found.seen] == ["values"]
-
-
-def test_the_page_lists_the_evidence_of_every_live_driver() -> None:
-    text = PAGE.read_text(encoding="utf-8").partition("## Evidence")[2].partition("### Actions")[0]
-    rows = [
-        [cell.strip() for cell in line.strip("|").split("|")]
-        for line in text.splitlines()
-        if line.startswith("| `")
-    ]
-    listed = {row[0].strip("`"): dict(zip(EVIDENCE, row[1:], strict=True)) for row in rows}
-    compared = {
-        name: {evidence: optional(driver_class(name), "compared").get(evidence, "–") for evidence in EVIDENCE}
-        for name in driver_names()
-        if driver_class(name).kind in LIVE and optional(driver_class(name), "compared")
-    }
-    assert listed == compared
-    assert {"cyton", "chords", "spiker", "serial-emg", "lsl-emg", "brainflow"} <= set(compared)
-    assert {"digit", "hololens", "openxr", "allegro"} <= set(compared)

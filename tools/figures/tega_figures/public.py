@@ -40,7 +40,7 @@ PUBLIC: Final = (
     "tega.recording.replay",
     "tega.runtime.features",
     "tega.stages",
-    "tega.stages.learned",
+    "tega_learn",
     "tega.tactile",
     "tega.loop",
     "tega.loop.parts",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from tega.ui.view.rerun_stream import save_layout
+from tega_viewers.rerun_stream import save_layout
 
 if __name__ == "__main__":
     save_layout(Path(sys.argv[1]))

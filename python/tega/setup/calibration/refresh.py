@@ -8,9 +8,8 @@ from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
-from tega.config import EmgConfig, SessionConfig
+from tega.config import EmgConfig
 from tega.config.calibration import EmgMaxima
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import EmgRecord, TouchRecord
@@ -24,8 +23,7 @@ from tega.setup.calibration.effort import Maxima, Quiet, joined
 from tega.setup.calibration.sitting import Sitting
 from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.steps_touch import take_baseline
-from tega.stages.learned.learned import LearnedDecoder
-from tega.stages.learned.stage import LearnedOptions
+from tega.stages.base import DayModel
 
 _BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
 # A channel beyond these is not the same electrode on the same muscle any more.
@@ -143,8 +141,6 @@ _RISE_S = 0.5
 # Electrodes that moved give other amplitudes: of 54 shifts simulated on recordings none left this range, and a third
 # left that of a refresh (docs/evidence/emg-decoders.md). Beyond it a channel is loose, or not on a muscle that closes.
 _LIMITS = (0.25, 4.0)
-# The least that a recalibrated model has to make of the very samples that it was fitted to.
-_REST_MOST, _EFFORT_LEAST = 0.25, 0.5
 
 
 class Recalibrated(NamedTuple):
@@ -168,21 +164,21 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
         raise ConfigError(
             "nothing to recalibrate: the settings have no [emg]", "add it; see docs/device-emg.md"
         )
-    found = _model_of(config)
-    if found is None and model_out is not None:
+    chosen = chosen_stage("decoder", config.stages, config.session.preset)
+    model: DayModel | None = chosen.kind.day_model(chosen.options)
+    if model is None and model_out is not None:
         raise ConfigError(
-            "there is no model to write: the settings' decoder is not learned",
+            f"there is no model to write: the settings' decoder {chosen.name!r} has none",
             'leave out --out, or set stages.decoder.name = "learned" and its model',
         )
     with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
         record, chain = kept_record(sitting, config.emg, source)
-        if found is not None:
-            file, decoder = found
-            decoder.model.check_fits(
+        if model is not None:
+            model.check_fits(
                 kind=chain.kind,
                 rate_hz=chain.rate_hz,
                 channels=chain.channels,
-                name=file.name,
+                name=model.file.name,
                 person=person,
             )
         guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
@@ -191,42 +187,10 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
         rested = steps.received
         maxima = steps.squeezes(quiet, n=1)
     new = to_todays_scale(record, quiet, maxima, _LIMITS, sitting)
-    if found is None:
+    if model is None:
         return Recalibrated(folder.keep(new), None)
     effort = joined(steps.received)[round(_RISE_S * chain.rate_hz) :]
-    fitted = _fitted(file, decoder, joined(rested), effort)
+    fitted, file = model.fitted(joined(rested), effort), model.file
     written = model_out or file.with_name(f"{file.stem}-{now():%Y%m%d-%H%M%S}{file.suffix}")
     fitted.save(written)
     return Recalibrated(folder.keep(new), written)
-
-
-def _model_of(config: SessionConfig) -> tuple[Path, LearnedDecoder] | None:
-    """Return the settings' learned model with its file; ``None`` where the decoder is another."""
-    options = chosen_stage("decoder", config.stages, config.session.preset).options
-    if not isinstance(options, LearnedOptions):
-        return None
-    if options.model is None:
-        raise ConfigError("decoder 'learned' names no model", "set stages.decoder.options.model to its file")
-    decoder = LearnedDecoder.load(options.model)
-    if decoder.model.model == "kernel":
-        raise CalibrationError(
-            f"{options.model.name}: a kernel cannot be refitted in ten seconds",
-            "practise for a minute, then fit it again: tega-teleop emg fit",
-        )
-    return options.model, decoder
-
-
-def _fitted(
-    file: Path, decoder: LearnedDecoder, rest: NDArray[np.float64], effort: NDArray[np.float64]
-) -> LearnedDecoder:
-    """Return the model fitted to rest and effort, if it then distinguishes them."""
-    target = np.repeat([0.0, 1.0], [len(rest), len(effort)])
-    fitted = decoder.recalibrated(np.concatenate([rest, effort]), target)
-    at_rest, at_work = (float(np.median(LearnedDecoder(fitted.model).process(s))) for s in (rest, effort))
-    if at_rest > _REST_MOST or at_work < _EFFORT_LEAST:
-        raise CalibrationError(
-            f"{file.name}: fitted to today it makes closure {at_rest:.2f} of rest and {at_work:.2f} of effort, "
-            f"at most {_REST_MOST:g} and at least {_EFFORT_LEAST:g} are needed",
-            "practise for a minute, then fit a new one: tega-teleop practice, tega-teleop emg fit",
-        )
-    return fitted

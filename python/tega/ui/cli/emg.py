@@ -1,4 +1,4 @@
-"""Fit a decoder to a person, and compare decoders on logs: ``tega-teleop emg``."""
+"""Show how a file of EMG is read, and score closure levels by a force: ``tega-teleop emg``."""
 
 from __future__ import annotations
 
@@ -8,20 +8,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.calibrate import emg_recalibrate
-from tega.ui.cli.emg_files import emg_inspect, emg_score
-from tega.ui.cli.emg_logs import (
-    force_log,
-    kind_option,
-    read_log,
-    reading_options,
-    target_option,
-)
+from tega.ui.cli.emg_logs import emg_beside, kind_option, reading_options
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_option
+from tega.ui.cli.options import PATH, echo_json, json_option
 
 if TYPE_CHECKING:
+    from tega.emg.score import RecordingScore
+    from tega.runtime.files.tables.decide import Decision
     from tega.runtime.files.tables.table import Reading
-    from tega.stages.learned.compare import DecoderReport
 
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop emg compare --help")
@@ -29,253 +23,118 @@ def emg() -> None:
     """Fit a decoder to a person's muscles, refit it to a day, and compare decoders on one log."""
 
 
-emg.add_command(emg_inspect, "inspect")
-emg.add_command(emg_score, "score")
 emg.add_command(emg_recalibrate, "recalibrate")
 
 
-@emg.command(
-    epilog="Example: tega-teleop emg fit calibrations/people/p01/practice/20261122-150405.toml --out p01.json"
-)
-@click.argument("log", type=PATH, metavar="LOG")
-@click.option("--out", required=True, type=FILE, help="The model's file.")
-@target_option
-@kind_option("--kind", "raw")
+@emg.command("inspect", epilog="Example: tega-teleop emg inspect squeeze.csv")
+@click.argument("file", type=PATH, required=False)
 @reading_options
-@click.option(
-    "--model",
-    type=click.Choice(["ridge", "huber", "kernel"]),
-    default="ridge",
-    show_default=True,
-    help="Regression that is fitted.",
-)
-@click.option(
-    "--features",
-    type=NAMES,
-    default="MAV,LOGVAR",
-    show_default=True,
-    help="Features of each block and channel.",
-)
-@click.option(
-    "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
-)
-@click.option(
-    "--person", default="", help="Code of the person whose muscles they are; a practice record knows it."
-)
 @json_option
-def fit(
-    *,
-    log: Path,
-    out: Path,
-    target: str | None,
-    kind: Any,
-    reading: Reading,
-    model: Any,
-    features: list[str],
-    tau_ms: float,
-    person: str,
-    as_json: bool,
-) -> None:
-    """Fit a decoder to LOG and write it to a file, for `stages.decoder.options.model`.
-
-    LOG is a record of `tega-teleop practice`, which contains rate, kind, channels and person; or a file of EMG with a
-    force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
-    "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
-    """
-    from math import isnan
-
-    import msgspec
-
-    from tega.setup.calibration.practice import read_tracked
-    from tega.stages.learned import fit as fit_decoder
-    from tega.stages.learned.judge import judge
-
-    full, names = None, tuple[str, ...]()
-    if log.suffix == ".toml":
-        given, record = read_tracked(log)
-        full, names, person = 1.0, record.channels, person or record.person
-    else:
-        if target is None:
-            raise click.UsageError(f"{log.name} is no practice record: name --target")
-        given = force_log(log, target, kind, reading)
-        names = tuple(f"ch{c}" for c in reading.channels)
-    tau = max(4, round(tau_ms / 1000 * given.rate_hz))
-    decoder = fit_decoder(
-        given.samples,
-        given.target,
-        rate_hz=given.rate_hz,
-        tau=tau,
-        kind=given.kind,
-        features=features,
-        model=model,
-        full=full,
-        channels=names,
-        person=person,
-    )
-    decoder.save(out)
-    made = decoder.model
-    closure = decoder.process(given.samples)
-    wanted = (given.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / made.full).clip(0, 1)
-    figures = judge(closure, decoder.levels, wanted, tau / given.rate_hz, confidence=decoder.confidence)
-    if as_json:
-        reported = {
-            f: getattr(made, f)
-            for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")
-        }
-        builtin = {k: None if isnan(v) else v for k, v in msgspec.to_builtins(figures).items()}
-        echo_json({"file": str(out), **reported, "in_sample": builtin})
-        return
-    click.echo(
-        f"{out.name}: {made.model} on {', '.join(made.features)} of {len(made.channels)} channels, "
-        f"{made.duration_s:.0f} s; target {1000 * made.lag_s:+.0f} ms after the muscles"
-    )
-    click.echo(
-        f"rank correlation with the target {figures.rank_correlation:.2f}, on the training data itself: "
-        "tega-teleop emg compare judges on data kept back"
-    )
-    click.echo(f'use it: [stages.decoder] name = "learned", options = {{ model = "{out}" }}')
-
-
-@emg.command(
-    epilog="Example: tega-teleop emg compare v1.mat v2.mat --target Force --rate-hz 200 --channels 3,6,8 "
-    "--picture compare.png"
-)
-@click.argument("logs", nargs=-1, required=True, metavar="LOG [LOG ...]")
-@target_option
-@kind_option("--kind", "raw")
-@reading_options
-@click.option(
-    "--best",
-    type=click.IntRange(1, 64),
-    help="Use only so many channels: those that go best with the target in the training part.",
-)
-@click.option(
-    "--decoders",
-    type=NAMES,
-    default="rules-paper,rules,proportional,learned",
-    show_default=True,
-    help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",
-)
-@click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
-@click.option(
-    "--shift",
-    type=click.IntRange(0, 63),
-    default=0,
-    help="Rotate the judged part's channels by so many places and draw new gains (simulated).",
-)
-@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
-@click.option(
-    "--recalibrate",
-    "recalibrate_s",
-    type=click.FloatRange(0, 3600),
-    default=0.0,
-    metavar="SECONDS",
-    help="Recalibrate maxima and models with the first seconds of the judged part, and judge the rest.",
-)
-@click.option("--picture", type=PngPath(), help="Draw target and closures into this PNG.")
-@json_option
-def compare(
-    *,
-    logs: tuple[str, ...],
-    target: str | None,
-    kind: Any,
-    reading: Reading,
-    best: int | None,
-    decoders: list[str],
-    train: str | None,
-    shift: int,
-    seed: int,
-    recalibrate_s: float,
-    picture: Path | None,
-    as_json: bool,
-) -> None:
-    """Compare decoders on logs of EMG with a force or a closure.
-
-    Each LOG is cut in time: decoders are calibrated on its first half and judged on its second, and vice versa
-    (swapped). A record of `tega-teleop practice` contains its rate and target. To join files of one class each into a
-    log: rest.csv=0,close.csv=1,rest2.csv=0.
+def emg_inspect(*, file: Path | None, reading: Reading, as_json: bool) -> None:
+    """Show how FILE is read: format, channels, time, rate, losses, events. Without FILE, list the formats.
 
     \b
-    --json prints a list, with an object per log, part and decoder:
-      log, trained_on, judged_on, decoder, rank_correlation, level_rank_correlation, correlation, rmse,
-      changes_per_s, delay_s and level_delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
-      false_closings_per_min, calibration_error, held, duration_s
+    --json prints an object: file, format, channels, names, unit, time and counter (columns from 1, 0 for none),
+      columns (number, name, unit, holds, why, constant, unix), facts (encoding, delimiter, decimal, first_line, names),
+      sideways, rate_hz, rate_from, n_samples, events (t_s, text), faults, notes, words
+    Without FILE a list: name, suffixes, library, origin.
     """  # noqa: D301  # click keeps the lines after \b as they are
-    from tega.stages.learned.compare import as_json as figures_of
-    from tega.stages.learned.compare import best_channels, shifted_electrode, two_halves
-    from tega.stages.learned.compare import compare as compared
+    import msgspec
 
-    rows: list[dict[str, Any]] = []
-    drawn: list[tuple[str, float, list[DecoderReport]]] = []
-    for name in logs:
-        log = read_log(name, target, kind, reading)
-        pairs = [("first half", "second half", *two_halves(log))]
-        if train is not None:
-            learnt = read_log(train, target, kind, reading)
-            pairs = [(learnt.name, "whole", learnt, log)]
-        else:
-            pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))
-        for trained_on, judged_on, learn, judged in pairs:
-            if best is not None:
-                used = best_channels(learn, best)
-                learn, judged = learn.columns(used), judged.columns(used)  # noqa: PLW2901
-            if shift:
-                judged = shifted_electrode(judged, seed=seed, places=shift)  # noqa: PLW2901
-                judged_on += ", electrodes shifted (simulated)"  # noqa: PLW2901
-            if recalibrate_s:
-                judged_on += f", recalibrated by its first {recalibrate_s:g} s"  # noqa: PLW2901
-            reported = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)
-            where = {"log": log.name, "trained_on": trained_on, "judged_on": judged_on}
-            rows += [where | figures_of(one) for one in reported]
-            drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
-    if picture is not None:
-        from tega.ui.view.figures import draw_decoders
+    from tega.runtime.files.formats import FORMATS
+    from tega.runtime.files.signals import read_signals
 
-        draw_decoders(drawn, picture)
+    if file is None:
+        formats = [
+            {"name": f.name, "suffixes": f.suffixes, "library": f.library, "origin": f.origin}
+            for f in FORMATS
+        ]
+        if as_json:
+            echo_json(formats)
+            return
+        for one in FORMATS:
+            endings = " ".join(one.suffixes) or "any other"
+            click.echo(
+                f"{one.name:14} {endings:20} {one.origin}" + (f"  ({one.library})" if one.library else "")
+            )
+        return
+    decision = read_signals(file, reading).decision
     if as_json:
-        echo_json(rows)
+        echo_json(msgspec.to_builtins(decision))
     else:
-        _print(rows)
+        _print_decision(decision)
 
 
-_COLUMNS = (
-    ("rank", "rank_correlation", 1, ".2f"),
-    ("r", "correlation", 1, ".2f"),
-    ("RMSE", "rmse", 1, ".2f"),
-    ("chg/s", "changes_per_s", 1, ".2f"),
-    ("later", "delay_s", 1000, ".0f"),
-    ("level", "at_level", 100, ".0f"),
-    ("b-acc", "balanced_accuracy", 100, ".0f"),
-    ("false", "false_closings_per_min", 1, ".1f"),
-    ("conf", "calibration_error", 1, ".2f"),
-    ("held", "held", 100, ".0f"),
+def _print_decision(decision: Decision) -> None:
+    rate = (
+        f"{decision.rate_hz:g} samples/s (by {decision.rate_from})" if decision.rate_hz else "no rate stated"
+    )
+    named = [name or f"column {c}" for c, name in zip(decision.channels, decision.names, strict=True)]
+    unit = f", in {decision.unit}" if decision.unit else ""
+    click.echo(f"{decision.file}: {decision.format}, {decision.n_samples} samples, {rate}")
+    click.echo(f"channels: {', '.join(named)}{unit}")
+    for line in (decision.words, *decision.faults, *decision.notes):
+        if line:
+            click.echo(line)
+    for event in decision.events[:20]:
+        click.echo(f"event at {event.t_s:.3f} s: {event.text}")
+    if len(decision.events) > 20:
+        click.echo(f"{len(decision.events) - 20} more events")
+
+
+BLOCK_S = 0.1
+
+
+@emg.command(
+    "score",
+    epilog="Example: tega-teleop emg score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8",
 )
-_MEANT = (
-    "rank, r: correlations with the target; chg/s: changes of level; later: than rules-paper, ms; level: % of time at "
-    "the target's level; b-acc: balanced accuracy of rest against effort, %; false: closings at rest per minute; conf: "
-    "error of confidence; held: % of blocks. Details: docs/evidence/emg-decoders.md"
+@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE [FILE ...]")
+@click.option(
+    "--force",
+    required=True,
+    help="The measured force: a variable's name in a file of arrays, else a column from 1.",
 )
+@kind_option("--kind", "raw")
+@reading_options
+@json_option
+def emg_score(*, files: tuple[Path, ...], force: str, kind: Any, reading: Reading, as_json: bool) -> None:
+    """Score both presets on recordings of EMG and force.
+
+    The first half of each FILE gives the maxima, the second half is judged: rank correlation of the fused level with
+    the force, changes of level per second, and the delay of `live` behind `paper`. With --json: a list of
+    objects, one per file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
+    """
+    from dataclasses import asdict
+
+    from tega.emg.score import score_recording
+
+    scores: dict[str, RecordingScore] = {}
+    for file in files:
+        samples, measured, rate_hz = emg_beside(file, force, "--force", reading)
+        tau = max(1, round(BLOCK_S * rate_hz))
+        scores[file.name] = score_recording(samples, measured, rate_hz, tau=tau, kind=kind)
+    if as_json:
+        echo_json([{"file": name, **asdict(score)} for name, score in scores.items()])
+    else:
+        _print_scores(scores)
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
-    from itertools import groupby
-
+def _print_scores(scores: dict[str, RecordingScore]) -> None:
+    import numpy as np
     from rich.console import Console
 
     from tega.ui.cli.report import figures_table
 
-    console = Console(highlight=False)
-    for (log, trained_on, judged_on), some in groupby(
-        rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
-    ):
-        title = f"{log}: trained on {trained_on}, judged on {judged_on}"
-        layout: dict[str, Any] = {"padding": (0, 1, 0, 0), "pad_edge": False, "show_edge": False}
-        table = figures_table(["decoder"], [name for name, *_ in _COLUMNS], title, **layout)
-        for row in some:
-            cells = [
-                "–" if row[key] is None else format(row[key] * times, form)
-                for _, key, times, form in _COLUMNS
-            ]
-            table.add_row(row["decoder"], *cells)
-        console.print(table)
-    console.print(_MEANT)
+    table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
+    rows: list[tuple[float, ...]] = []
+    for score in scores.values():
+        paper, live = score.paper, score.live
+        figures = (paper.rank_correlation, paper.changes_per_s, live.rank_correlation, live.changes_per_s)
+        rows.append((*figures, live.delay_s))
+    named = list(zip(scores, rows, strict=True))
+    if len(rows) > 1:
+        named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
+    for name, (*shown, delay_s) in named:
+        table.add_row(name, *map(format, shown, (".3f", ".2f", ".3f", ".2f")), f"{1000 * delay_s:.0f} ms")
+    Console(highlight=False).print(table)

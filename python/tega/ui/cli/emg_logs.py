@@ -1,4 +1,4 @@
-"""Read logs of EMG beside a force or a closure, from files and from records of practice."""
+"""Declare how a file of EMG is read, and read it, alone or beside a force or a closure."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from tega.ui.cli.options import CHANNELS, all_options
 if TYPE_CHECKING:
     from tega.runtime.files.signals import Signals
     from tega.runtime.files.tables.table import Reading
-    from tega.stages.learned.compare import Log
 
 _ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
 
@@ -114,49 +113,6 @@ def read_emg(file: Path, reading: Reading) -> Signals:
     return signals
 
 
-def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
-    """Read a log as ``emg compare`` is given it: a practice, files of one class each, or EMG beside a force."""
-    import numpy as np
-
-    from tega.setup.calibration.practice import read_tracked
-    from tega.stages.learned.compare import Log as Given
-
-    channels = reading.channels
-    if log.endswith(".toml"):
-        practised, known = read_tracked(Path(log))
-        if channels and max(channels) > len(known.channels):
-            raise click.UsageError(f"--channels {max(channels)}: {log} has {len(known.channels)} channels")
-        return practised.columns([c - 1 for c in channels]) if channels else practised
-    if "=" not in log:
-        if target is None:
-            raise click.UsageError(f"{log}: name its --target, or give FILE=CLOSURE for files of one class")
-        return force_log(Path(log), target, kind, reading)
-    samples, goal, rates = [], [], set()
-    for part in log.split(","):
-        file, _, closure = part.rpartition("=")
-        try:
-            meant = float(closure)
-        except ValueError:
-            raise click.UsageError(f"{part!r} is not FILE=CLOSURE, such as rest.csv=0") from None
-        found = read_emg(Path(file), reading)
-        rates.add(_rate(found, file))
-        samples.append(found.samples)
-        goal.append(np.full(len(found.samples), meant))
-    if len(rates) > 1:
-        raise click.UsageError(
-            f"the files have different rates: {', '.join(f'{rate:g}' for rate in sorted(rates))} Hz"
-        )
-    name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
-    return Given(name, np.concatenate(samples), np.concatenate(goal), rates.pop(), kind)
-
-
-def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
-    """Read a file of EMG beside a force or a closure."""
-    from tega.stages.learned.compare import Log as Given
-
-    return Given(file.name, *emg_beside(file, target, "--target", reading), kind)
-
-
 def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[Any, Any, float]:
     """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
 
@@ -187,10 +143,11 @@ def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[
             f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
             "give one target a sample",
         )
-    return samples, measured, _rate(signals, file.name)
+    return samples, measured, stated_rate(signals, file.name)
 
 
-def _rate(signals: Signals, name: str) -> float:
+def stated_rate(signals: Signals, name: str) -> float:
+    """Return the samples per second that a file states, or that were given."""
     if signals.rate_hz is None:
         raise click.UsageError(f"{name} does not state its rate: name its --rate-hz")
     return signals.rate_hz

@@ -1,0 +1,1 @@
+"""Read EMG from any board that BrainFlow knows: the driver ``brainflow``."""

@@ -1,0 +1,1 @@
+"""Track the forearm by whatever an OpenXR runtime tracks: the driver ``openxr``."""

@@ -1,0 +1,1 @@
+"""Stream a run to Rerun or Foxglove while it goes on."""

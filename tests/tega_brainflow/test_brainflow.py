@@ -1,0 +1,193 @@
+"""BrainFlow as a source and as a peer: its own synthetic board, its Cyton board on our emulator, and its streaming."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from tega.devices import driver_class
+from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.live_emg import LiveEmg
+from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.runtime.evidence import StampCheck
+from tega_brainflow.emg import BrainFlowEmg, BrainFlowOptions
+from tega_emulators.process import Emulator
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def _with_brainflow() -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            import brainflow.board_shim  # noqa: F401
+        except Exception as error:
+            pytest.skip(f"BrainFlow does not load here ({error}): pip install 'tega[brainflow]'")
+
+
+# Of a step of the emulator's signal, at the gain that a Cyton starts with: what one count is times a hundred.
+STEP_UV = 100 * 4.5e6 / 24 / (2**23 - 1)
+
+
+def steps_of(samples_uv: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Return the steps of the emulator's ramp that samples are; (n, 8) in microvolts."""
+    steps = np.rint(samples_uv / STEP_UV)
+    assert np.allclose(samples_uv, steps * STEP_UV, rtol=1e-12, atol=1e-9)
+    return steps.astype(np.int64)
+
+
+def ramps_of(board: LiveEmg, n: int) -> NDArray[np.int64]:
+    """Read samples and return the number of each by the ramp of its first channel."""
+    chunks: list[NDArray[np.float64]] = []
+    while sum(map(len, chunks)) < n:
+        chunk = board.read(1.0)
+        assert chunk is not None
+        chunks.append(chunk.samples)
+    steps = steps_of(np.concatenate(chunks))
+    numbers = (steps[:, 0] + 500) % 1000
+    assert np.array_equal(steps, (numbers[:, np.newaxis] + 100 * np.arange(steps.shape[1])) % 1000 - 500)
+    return numbers
+
+
+@contextmanager
+def streaming(port: str, *, to: str = "") -> Iterator[Any]:
+    """Run BrainFlow's own Cyton board on a port; with ``to`` it passes its samples on."""
+    from brainflow.board_shim import BoardIds, BoardShim, BrainFlowInputParams
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # it imports pkg_resources when its library is loaded
+        BoardShim.disable_board_logger()
+    parameters = BrainFlowInputParams()
+    parameters.serial_port = port
+    board = BoardShim(BoardIds.CYTON_BOARD.value, parameters)
+    board.prepare_session()
+    try:
+        if to:
+            board.add_streamer(f"streaming_board://{to}")
+        board.start_stream()
+        yield board
+    finally:
+        board.release_session()
+
+
+def test_brainflow_s_own_cyton_board_reads_the_emulated_one_as_our_driver_does() -> None:
+    with Emulator("cyton") as device:
+        with streaming(device.port) as board:
+            while board.get_board_data_count() < 400:
+                time.sleep(0.05)
+            table = board.get_board_data()
+        assert bytes.fromhex(device.say("heard")["heard"]).endswith(b"bs")
+        rows = board.get_board_descr(board.board_id)
+        counts = table[rows["package_num_channel"]].astype(int)
+        assert np.array_equal(counts, np.arange(counts.size) % 256)
+        theirs = steps_of(np.ascontiguousarray(table[rows["emg_channels"]].T))
+        assert np.array_equal(
+            theirs, (np.arange(counts.size)[:, np.newaxis] + 100 * np.arange(8)) % 1000 - 500
+        )
+        with Cyton(CytonOptions(port=device.port, channels=tuple(range(1, 9)), measure_s=0.5)) as ours:
+            assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+
+
+def test_our_driver_reads_a_cyton_through_brainflow() -> None:
+    with Emulator("cyton") as device, source(board="CYTON_BOARD", serial_port=device.port) as ours:
+        assert ours.info.rate_hz == 250.0
+        assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+
+
+def test_a_daisy_that_brainflow_does_not_know_of_is_refused() -> None:
+    with (
+        Emulator("cyton", "--signal", "emg", "--daisy", "hidden") as device,
+        pytest.raises(StreamContradictionError, match="values: packets of even and of odd number"),
+    ):
+        source(board="CYTON_BOARD", serial_port=device.port).open()
+
+
+def test_samples_that_brainflow_holds_back_are_reported() -> None:
+    with source() as board:
+        board._stamps = StampCheck()
+        assert [board._late(time.time() - 2.0) for _ in range(2)] == [None, None]
+        time.sleep(0.6)
+        contradiction = board._late(time.time() - 2.0)
+    assert contradiction is not None
+    assert "samples are read 2.00 s after BrainFlow had them" in contradiction.found
+
+
+def test_our_driver_reads_what_another_program_streams_by_brainflow() -> None:
+    place = {"ip_address": "225.1.1.1", "ip_port": 6677}
+    with (
+        Emulator("cyton") as device,
+        streaming(device.port, to="225.1.1.1:6677"),
+        source(board="STREAMING_BOARD", master_board="CYTON_BOARD", **place) as ours,
+    ):
+        assert len(ours.info.channels) == 8
+        assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+
+
+def source(**options: Any) -> BrainFlowEmg:
+    make: Any = BrainFlowOptions
+    return BrainFlowEmg(make(**{"board": "SYNTHETIC_BOARD", "measure_s": 0.5, **options}))
+
+
+def test_samples_of_the_chosen_channels_come_without_a_gap() -> None:
+    with source(channels=(2, 5)) as board:
+        n, first = 0, board.read(1.0)
+        assert first is not None
+        at = first.first_index + len(first.samples)
+        while n < 250:
+            chunk = board.read(1.0)
+            assert chunk is not None
+            assert chunk.samples.shape[1] == 2
+            assert chunk.first_index == at
+            at += len(chunk.samples)
+            n += len(chunk.samples)
+            assert np.ptp(chunk.samples) >= 0
+        assert board.info.rate_hz == 250.0
+        assert board.info.channels == ("ch2", "ch5")
+    with pytest.raises(DeviceUnavailableError, match="not open"):
+        board.read(0.0)
+
+
+def test_a_gap_of_the_counter_is_missing_samples() -> None:
+    board = source()
+    board._counter_row = 0
+    counts = np.array([[254.0, 255.0, 0.0, 3.0]])
+    missing = board._missing(counts)
+    assert missing is not None
+    assert missing.tolist() == [0, 0, 0, 2]
+    again = board._missing(np.array([[3.0, 5.0]]))
+    assert again is not None
+    assert again.tolist() == [255, 1]
+
+
+WRONG = [
+    ({"board": "MINE"}, "no board is called 'MINE'.*CYTON_BOARD"),
+    (
+        {"board": "CYTON_BOARD", "serial_port": "/dev/nowhere"},
+        "CYTON_BOARD does not start: UNABLE_TO_OPEN_PORT",
+    ),
+    ({"board": "STREAMING_BOARD", "master_board": "MINE"}, "no board is called 'MINE'"),
+    ({"channels": (1, 17)}, r"has 16 channels, asked for \[1, 17\]"),
+]
+
+
+@pytest.mark.parametrize(("options", "text"), WRONG)
+def test_opening_says_what_is_wrong(options: dict[str, Any], text: str) -> None:
+    with pytest.raises(DeviceUnavailableError, match=text):
+        source(**options).open()
+
+
+def test_it_is_listed_and_opens_again_after_a_failure() -> None:
+    assert driver_class("brainflow", "emg") is BrainFlowEmg
+    board = source(channels=(99,))
+    with pytest.raises(DeviceUnavailableError):
+        board.open()
+    with source() as fine:
+        assert fine.read(1.0) is not None

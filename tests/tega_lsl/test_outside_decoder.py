@@ -1,0 +1,199 @@
+"""A decoder in another process, heard through real liblsl: its closures, its age, and what holds where it is stale."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from reference.processes import until
+from tega.config import check_tree
+from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.loop import run_session
+from tega.loop.controls import Controls
+from tega.records import Alert, Intent, RunState
+from tega.records.bus import Bus
+from tega.safety.stop import Stop
+from tega.stages import MuscleSetup
+from tega_lsl.decoder import OutsideDecoder, OutsideOptions
+
+pylsl = pytest.importorskip("pylsl")
+pytestmark = pytest.mark.slow
+
+# It sends EMG of 200 Hz and, 20 times a second, the closure that it was told last; "stop" sends closures no more,
+# "old" sends them with stamps of a second ago, "unix" with the time of day.
+PEER = """
+import random, sys, threading, time
+import pylsl
+name = sys.argv[1]
+emg = pylsl.StreamOutlet(pylsl.StreamInfo(name + "-emg", "EMG", 2, 200, "double64", name + "-emg"))
+out = pylsl.StreamOutlet(pylsl.StreamInfo(name, "TEGA", 2, pylsl.IRREGULAR_RATE, "double64", name))
+word = ["0.25"]
+def listen():
+    for line in sys.stdin:
+        word[0] = line.strip()
+        print("heard", flush=True)
+threading.Thread(target=listen, daemon=True).start()
+print("ready", flush=True)
+start, n = time.monotonic(), 0
+while word[0] != "end":
+    n += 10
+    time.sleep(max(0.0, start + n / 200 - time.monotonic()))
+    emg.push_chunk([[random.gauss(0, 20), random.gauss(0, 20)] for _ in range(10)])
+    said = word[0].split()
+    if said[0] != "stop":
+        age = 1.0 if said[0] == "old" else pylsl.local_clock() - time.time() if said[0] == "unix" else 0.0
+        out.push_sample([float(said[-1]), 0.9], pylsl.local_clock() - age)
+"""
+
+
+class Peer:
+    """The other process."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.process = subprocess.Popen(
+            [sys.executable, "-c", PEER, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+        self._receive()
+
+    def say(self, line: str) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(line + "\n")
+        self.process.stdin.flush()
+        self._receive()
+
+    def _receive(self) -> None:
+        assert self.process.stdout is not None
+        assert self.process.stdout.readline() in {"ready\n", "heard\n"}
+
+
+@contextmanager
+def peer(name: str) -> Iterator[Peer]:
+    other = Peer(name)
+    with other.process:
+        try:
+            yield other
+        finally:
+            other.process.kill()
+
+
+SETUP = MuscleSetup("raw", 200.0, 10, ("ch1", "ch2"), (40.0, 40.0), "live")
+
+
+def decoded(decoder: OutsideDecoder, seed: int = 1) -> Intent:
+    samples = np.random.default_rng(seed).normal(0, 20, (10, 2))
+    (intent,) = decoder.decode(samples, np.arange(10, dtype=np.int64))
+    return intent
+
+
+def test_the_newest_closure_is_passed_on_and_an_old_or_bad_one_is_held() -> None:
+    with peer("tega-test-outside") as other:
+        decoder = OutsideDecoder(SETUP, OutsideOptions(stream=other.name))
+        until(lambda: decoded(decoder).closure == 0.25)
+        intent = decoded(decoder)
+        assert intent.confidence == 0.9
+        assert all(intent.channels)
+        for bad in ("nan", "1.5", "-0.1", "old 0.75"):
+            other.say("0.5")
+            until(lambda: decoded(decoder).closure == 0.5 and all(decoded(decoder).channels))
+            other.say(bad)
+            until(lambda: not any(decoded(decoder).channels))
+            held = decoded(decoder)
+            assert held.confidence == 0.0
+            assert held.closure == (0.75 if bad.startswith("old") else 0.5)
+        other.say("1.0")
+        until(lambda: decoded(decoder).closure == 1.0 and all(decoded(decoder).channels))
+        other.process.kill()
+        until(lambda: not any(decoded(decoder).channels))
+        assert decoded(decoder).closure == 1.0
+
+
+def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
+    with pytest.raises(DeviceUnavailableError, match="no stream of name 'tega-test-nobody'"):
+        OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-nobody", start_s=0.5))
+    info = pylsl.StreamInfo(
+        "tega-test-words", "Markers", 1, pylsl.IRREGULAR_RATE, "string", "tega-test-words"
+    )
+    outlet = pylsl.StreamOutlet(info)
+    with pytest.raises(DeviceUnavailableError, match="is a stream of texts"):
+        OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-words"))
+    del outlet
+
+
+def test_two_streams_of_one_name_are_refused() -> None:
+    with (
+        peer("tega-test-twice") as one,
+        peer(one.name),
+        pytest.raises(StreamContradictionError, match="banner: 2 streams have the name 'tega-test-twice'"),
+    ):
+        OutsideDecoder(SETUP, OutsideOptions(stream=one.name))
+
+
+def test_a_closure_with_a_stamp_of_another_clock_is_never_fresh() -> None:
+    with peer("tega-test-clock") as other:
+        decoder = OutsideDecoder(SETUP, OutsideOptions(stream=other.name))
+        until(lambda: decoded(decoder).closure == 0.25)
+        other.say("unix 0.75")
+        until(lambda: decoded(decoder).channels == (0, 0) and decoder.holds.startswith("stamp: "))
+        assert decoded(decoder).closure == 0.25
+        other.say("0.5")
+        until(lambda: decoded(decoder).closure == 0.5)
+        assert decoder.holds == ""
+
+
+def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_path: Path) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.recording.replay import replay_file
+
+    (tmp_path / "calibration.toml").write_text(
+        'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
+        'rate_hz = 200.0\ntau = 10\nchannels = ["ch1", "ch2"]\nmaxima = [40.0, 40.0]\n'
+    )
+    with peer("tega-test-outside-run") as other:
+        tree: dict[str, Any] = {
+            "calibration": {"file": str(tmp_path / "calibration.toml")},
+            "emg": {"driver": "lsl-emg", "kind": "raw", "options": {"value": f"{other.name}-emg"}},
+            "stages": {
+                "decoder": {"name": "lsl", "options": {"stream": other.name}},
+                "beside": [{"group": "decoder", "name": "proportional", "options": {"tau_s": 0.05}}],
+            },
+            "recording": {"dir": str(tmp_path / "rec"), "stop_free_mib": 0.0},
+        }
+        bus, states, intents, alerts = Bus(), list[str](), list[Intent](), list[str]()
+        bus.subscribe(RunState, lambda reported: states.append(reported.state))
+        bus.subscribe(Intent, intents.append)
+        bus.subscribe(Alert, lambda reported: alerts.append(reported.said))
+        stop, done = Stop(), list[dict[str, Any]]()
+        over = threading.Event()
+        stop.also(lambda: "the test" if over.is_set() else "")
+        config = check_tree(tree, {}, base=tmp_path).config
+        run = threading.Thread(
+            target=lambda: done.append(run_session(config, bus=bus, controls=Controls(stop=stop)))
+        )
+        run.start()
+        try:
+            until(lambda: states[-1:] == ["active"])
+            other.say("0.75")
+            until(lambda: intents[-1].closure == 0.75)
+            other.say("stop")
+            until(lambda: states[-1] == "hold")
+            n = len(intents)
+            assert any("no channel can be believed" in message for message in alerts)
+            until(lambda: len(intents) > n + 5)
+            assert {intent.closure for intent in intents[n:]} == {0.75}
+            other.say("0.5")
+            until(lambda: states[-1] == "active" and intents[-1].closure == 0.5)
+        finally:
+            over.set()
+            run.join(30)
+    found = replay_file(tmp_path / "rec" / str(done[0]["recording"]["file"]))
+    assert found.same
+    assert {stream.stream for stream in found.streams} >= {"/emg/levels", "/beside/proportional/emg"}
