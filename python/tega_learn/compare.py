@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.emg import GraspIntent, InputKind, channel_maxima
-from tega.emg.score import PERCENTILES
 from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.stages.base import MuscleSetup
 from tega.stages.registry import stage_class
 from tega_learn.block_features import as_samples
 from tega_learn.judge import DecoderFigures, judge, pearson
 from tega_learn.learned import LearnedDecoder
+from tega_learn.score import PERCENTILES
 from tega_learn.training import DEFAULT_FEATURES, fit
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {

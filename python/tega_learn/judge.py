@@ -8,8 +8,8 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tega.emg.score import changes_per_second, delay_s, rank_correlation
 from tega.errors import ShapeError
+from tega_learn.score import changes_per_second, delay_s, rank_correlation
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125

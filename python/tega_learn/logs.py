@@ -3,19 +3,101 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, Literal
 
 import click
+import msgspec
 import numpy as np
 
-from tega.config.calibration.records import PracticeRecord, read_record
-from tega.errors import CalibrationError
+from tega.config.calibration.records import CalibrationRecord, read_record
+from tega.errors import CalibrationError, RecordingError
 from tega.runtime.files.foreign_file import load_npy, read_foreign
+from tega.runtime.files.signals import Signals, read_signals
 from tega.runtime.files.tables.table import Reading
-from tega.ui.cli.emg_logs import emg_beside, read_emg, stated_rate
 from tega_learn.compare import Log
 
 _MOST_MIB = 1024
+_ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
+
+
+target_option = click.option(
+    "--target", help="Closure or force: a variable of a file of arrays, else a column from 1."
+)
+
+
+class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
+    """Score of a person following a curve of levels.
+
+    Attributes:
+        preset: Rules of the levels.
+        rms_error_levels: Root of the mean square of the difference, levels.
+        delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
+        kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
+        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before
+            0.2.
+        options: Its options, as JSON.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "in_target_percent": "of the time on the level asked for",
+        "delay_s": "shift at which the levels fit the curve best",
+    }
+
+    person: str
+    preset: Literal["paper", "live"]
+    seed: int
+    duration_s: float
+    in_target_percent: float
+    rms_error_levels: float
+    delay_s: float | None = None
+    kind: Literal["raw", "rectified", "envelope"] | None = None
+    rate_hz: float | None = None
+    channels: tuple[str, ...] = ()
+    decoder: str = ""
+    options: str = ""
+
+
+def read_emg(file: Path, reading: Reading) -> Signals:
+    """Read a file of EMG, and print the choices made and the problems found."""
+    signals = read_signals(file, reading)
+    for note in signals.notes:
+        click.echo(f"{file.name}: {note}", err=True)
+    return signals
+
+
+def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[Any, Any, float]:
+    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
+
+    Return them, float64 (n, channels) and (n,), and the samples per second.
+    """
+    if file.suffix.lower() in _ARRAYS:
+        signals = read_emg(file, reading)
+        alone = msgspec.structs.replace(reading, rate_hz=None, channels=(1,), variable=beside, time="none")
+        samples, measured = signals.samples, read_emg(file, alone).samples[:, 0]
+    elif beside.isdecimal() and int(beside) > 0:
+        if not reading.channels:
+            raise click.UsageError(
+                f"{file.name} is a table, where {option} {beside} is a column beside the EMG: name that with --channels"
+            )
+        both = msgspec.structs.replace(reading, channels=(*reading.channels, int(beside)), variable="emg")
+        signals = read_emg(file, both)
+        samples, measured = signals.samples[:, :-1], signals.samples[:, -1]
+    else:
+        raise click.UsageError(
+            f"{option} {beside!r}: {file.name} is no file of arrays, so name a column from 1"
+        )
+    if len(samples) != len(measured):
+        raise RecordingError(
+            f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
+            "give one target a sample",
+        )
+    return samples, measured, _rate(signals, file.name)
+
+
+def _rate(signals: Signals, name: str) -> float:
+    if signals.rate_hz is None:
+        raise click.UsageError(f"{name} does not state its rate: name its --rate-hz")
+    return signals.rate_hz
 
 
 def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
@@ -38,7 +120,7 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
         except ValueError:
             raise click.UsageError(f"{part!r} is not FILE=CLOSURE, such as rest.csv=0") from None
         found = read_emg(Path(file), reading)
-        rates.add(stated_rate(found, file))
+        rates.add(_rate(found, file))
         samples.append(found.samples)
         goal.append(np.full(len(found.samples), meant))
     if len(rates) > 1:

@@ -11,9 +11,10 @@ from typing import ClassVar, Final, Literal, TypeVar
 import msgspec
 
 from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import CalibrationRecord, PracticeRecord, read_record, write_record
+from tega.config.calibration.records import CalibrationRecord, read_record, write_record
 from tega.errors import CalibrationError, InvalidValueError
 from tega.runtime.lifecycle import scipy_stats
+from tega_learn.logs import PracticeRecord
 from tega_practice.fitts import FittsScore, Movement, fitts_score
 from tega_practice.vest_kept import VestSkillRecord
 
@@ -144,7 +145,7 @@ def _moved(row: tuple[float, ...]) -> Movement:
     return Movement(*places, ends, time_s, path, int(overshoots), inside_at_start=bool(inside))
 
 
-def keep_record(record: FittsRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:
+def keep_record(record: FittsRecord | PracticeRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:
     """Write a result into the person's folder; return the file."""
     path = (
         folder.person(record.person) / _place(type(record)) / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"

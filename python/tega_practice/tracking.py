@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
-from tega.config.calibration.records import PracticeRecord, utc_now
+from tega.config.calibration.records import utc_now
 from tega.config.choose import block_s, decoder_choice, muscle_decoder
 from tega.config.person import person_calibration, whose
 from tega.devices.base import EmgChunk
@@ -30,6 +30,8 @@ from tega.records import Intent
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.guide import Bar, Guide
 from tega.setup.calibration.steps_emg import drain
+from tega_learn.logs import PracticeRecord
+from tega_practice.kept import keep_record
 
 _HOLD_S = 3.0
 _RAMP_S_PER_LEVEL = 0.75
@@ -242,7 +244,7 @@ def track(
         decoder=decoder,
         options=options,
     )
-    path = folder.keep_practice(record)
+    path = keep_record(record, folder)
     keep_tracked(
         tracked_samples(muscles.chunks, curve, rate_hz=muscles.maxima.rate_hz, start_ns=muscles.start_ns),
         path,

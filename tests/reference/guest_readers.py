@@ -24,14 +24,14 @@ from reference.recordings import pressed
 from reference.ros2 import BEGIN_NS, write_bag
 from reference.ros2 import array as ros2_array
 from reference.ros2 import raw as ros2_raw
-from tega.config.calibration.records import PracticeRecord, read_record, write_record
+from tega.config.calibration.records import read_record, write_record
 from tega.runtime.clock import ManualClock
 from tega.runtime.files.foreign_file import read_foreign
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
 from tega_learn import fit
-from tega_learn.logs import read_tracked
+from tega_learn.logs import PracticeRecord, read_tracked
 from tega_learn.model import load_model
 from tega_link.keys import _authority, expiry, make_keys
 from tega_practice.kept import FittsRecord

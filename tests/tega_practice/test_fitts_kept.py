@@ -12,8 +12,9 @@ pytest.importorskip("scipy", reason="intervals need SciPy")
 
 from reference.command import call
 from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import PracticeRecord, read_record
+from tega.config.calibration.records import read_record
 from tega.errors import CalibrationError, TegaError
+from tega_learn.logs import PracticeRecord
 from tega_practice.fitts import Movement
 from tega_practice.kept import (
     FittsRecord,
@@ -116,7 +117,7 @@ def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path:
             ("p02", "", 3.0),  # of a version that did not say with which
         )
     ):
-        folder.keep_practice(practice(person, decoder, error, minutes=n))
+        keep_record(practice(person, decoder, error, minutes=n), folder)
     found = compare_tracked(kept_records(PracticeRecord, folder), ["rules", "learned"])
     assert [(one.person, one.decoder, one.practices, one.unit) for one in found] == [
         ("p01", "rules", 2, "practices"),
@@ -140,7 +141,7 @@ def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path:
 
 def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     folder = CalibrationFolder(tmp_path)
-    folder.keep_practice(practice("p01", "rules", 1.0, minutes=0))
+    keep_record(practice("p01", "rules", 1.0, minutes=0), folder)
     words = ("emg", "skill", tmp_path)
     reported = json.loads(call(capsys, *words, "--json")[0])
     assert reported["fitts"] == []

@@ -51,7 +51,7 @@ def record(topic: str, fields: str = "t_ns: Ns", name: str = "Odd", more: str = 
         ("verbs={'load': Verb('m:load', None)}", "", "verbs['load'].summary is None, not a str"),
         ("verbs={'run': Verb('m:f', 's')}", "", "verbs: the name 'run' is taken by TEGA"),
         ("verbs={'export': Verb('m:f', 's')}", "", "verbs: the name 'export' is taken by TEGA"),
-        ("verbs={'emg score': Verb('m:f', 's')}", "", "verbs: the name 'emg score' is taken by TEGA"),
+        ("verbs={'emg inspect': Verb('m:f', 's')}", "", "verbs: the name 'emg inspect' is taken by TEGA"),
         ("verbs={'demo': Verb('m:f', 's')}", "", "verbs: the name 'demo' is taken by feature 'sim'"),
         ("verbs={'egm load': Verb('m:f', 's')}", "", "'egm load' joins no group: there is no group 'egm'"),
         ("verbs={'emg load now': Verb('m:f', 's')}", "", "'emg load now' is neither one word nor two"),

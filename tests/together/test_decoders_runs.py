@@ -13,14 +13,14 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 from reference.played import EMG_HZ
 from reference.sessions import attached, tree
 from tega.config import check_tree
-from tega.config.calibration.records import PracticeRecord, utc_now, write_record
+from tega.config.calibration.records import utc_now, write_record
 from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
 from tega.loop import run_session
 from tega.recording.replay import replay_file
 from tega.ui.cli.main import main
 from tega_learn import LearnedDecoder
-from tega_learn.logs import read_tracked
+from tega_learn.logs import PracticeRecord, read_tracked
 from tega_practice.tracking import Curve, keep_tracked, tracked_samples
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.emg.score import rank_correlation
 from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, read_contact
 from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise, update_fingers
@@ -27,6 +26,7 @@ from tega_figures.touch_recordings import (
     soft_grips,
     wedge,
 )
+from tega_learn.score import rank_correlation
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 Image = NDArray[np.uint8]

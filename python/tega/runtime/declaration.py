@@ -18,7 +18,7 @@ OWN_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
         *("bench", "soak", "recording", "emg", "vest", "hand", "arm", "config"),
         *("inspect", "export", "trim", "merge", "sim-trials", "emg-score", "identify", "forward"),
         *("recording annotate", "recording export", "recording inspect", "recording merge", "recording trim"),
-        *("emg inspect", "emg recalibrate", "emg score", "vest identify"),
+        *("emg inspect", "emg recalibrate", "vest identify"),
         *("hand decode", "hand measure", "hand show", "hand teach", "arm check", "arm forward"),
         *("config check", "config show"),
     ),

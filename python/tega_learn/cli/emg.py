@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_logs import kind_option, reading_options, target_option
+from tega.ui.cli.emg_logs import kind_option, reading_options
 from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_option
+from tega_learn.logs import force_log, read_log, read_tracked, target_option
 
 if TYPE_CHECKING:
     from tega.runtime.files.tables.table import Reading
@@ -69,7 +70,6 @@ def fit(
 
     from tega_learn import fit as fit_decoder
     from tega_learn.judge import judge
-    from tega_learn.logs import force_log, read_tracked
 
     full, names = None, tuple[str, ...]()
     if log.suffix == ".toml":
@@ -185,7 +185,6 @@ def compare(
     from tega_learn.compare import as_json as figures_of
     from tega_learn.compare import best_channels, shifted_electrode, two_halves
     from tega_learn.compare import compare as compared
-    from tega_learn.logs import read_log
 
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderReport]]] = []

@@ -180,10 +180,11 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
     import msgspec
 
     from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.calibration.records import PracticeRecord
     from tega_practice.kept import FittsRecord, compare_kept, compare_tracked, kept_records
 
     home, named = CalibrationFolder(folder), decoders or ()
+    from tega_learn.logs import PracticeRecord
+
     tracked = compare_tracked(kept_records(PracticeRecord, home, person), named)
     tests = kept_records(FittsRecord, home, person)
     found = compare_kept(tests, named) if tests or not tracked else []

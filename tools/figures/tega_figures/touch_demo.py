@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from tega.config import FINGERS
-from tega.emg.score import rank_correlation
+from tega_learn.score import rank_correlation
 from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan
 from tega_sim.rig import CAMERA_DELAY_NS

@@ -13,9 +13,9 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.emg.score import rank_correlation
 from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, TrackedContact, calibrate_light
 from tega_figures.gel_sequences import SHAPES, GelMoment, press_sequence, ramp
+from tega_learn.score import rank_correlation
 from tega_sim.gel import CAMERA_HZ, PX_PER_MM, Gel
 
 __all__ = [

@@ -12,7 +12,7 @@
         people/p01/vest-127.0.0.1_15881.toml
         people/p01/arm-10.0.0.7_3810.toml   forward direction for that tracker
         people/p01/before/                  the files that those replaced, with their dates
-        people/p01/practice/                scores
+        people/p01/practice/                scores, see tega_learn.logs
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
         people/p01/vest-skill/              scores of vest tests, see tega_practice.vest_kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.loop.worn_vest
@@ -37,7 +37,6 @@ from tega.config.calibration.records import (
     EmgRecord,
     GelRecord,
     OnsetRecord,
-    PracticeRecord,
     TouchRecord,
     VestCalibration,
     read_record,
@@ -230,12 +229,6 @@ class CalibrationFolder:
         if theirs:
             return f"there is one of {', '.join(theirs)}"
         return ""
-
-    def keep_practice(self, record: PracticeRecord) -> Path:
-        """Keep a score."""
-        path = self.person(record.person) / "practice" / f"{record.made.strftime(_STAMP)}.toml"
-        write_record(record, path)
-        return path
 
     # What is not finished.
 

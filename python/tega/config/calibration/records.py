@@ -175,38 +175,6 @@ class ArmRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     base_yaw_rad: Annotated[float, msgspec.Meta(ge=-math.pi, le=math.pi)] = 0.0
 
 
-class PracticeRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-practice"):
-    """Score of a person following a curve of levels.
-
-    Attributes:
-        preset: Rules of the levels.
-        rms_error_levels: Root of the mean square of the difference, levels.
-        delay_s: Shift at which the levels fit the curve best; left out where the level never changed.
-        kind: Kind of the samples beside the record (``.npy``: the channels, then the closure asked for).
-        decoder: Decoder that computed the levels; with the rules, the preset's too. Empty in records before
-            0.2.
-        options: Its options, as JSON.
-    """
-
-    comments: ClassVar[dict[str, str]] = {
-        "in_target_percent": "of the time on the level asked for",
-        "delay_s": "shift at which the levels fit the curve best",
-    }
-
-    person: str
-    preset: Literal["paper", "live"]
-    seed: int
-    duration_s: float
-    in_target_percent: float
-    rms_error_levels: float
-    delay_s: float | None = None
-    kind: Literal["raw", "rectified", "envelope"] | None = None
-    rate_hz: float | None = None
-    channels: tuple[str, ...] = ()
-    decoder: str = ""
-    options: str = ""
-
-
 class OnsetRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-motor-onset"):
     """Time that one motor of a vest takes to start, measured with a microphone; not specific to a person.
 

@@ -1,21 +1,14 @@
-"""Declare how a file of EMG is read, and read it, alone or beside a force or a closure."""
+"""Options that say how a file of EMG is read."""
 
 from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tega.ui.cli.options import CHANNELS, all_options
-
-if TYPE_CHECKING:
-    from tega.runtime.files.signals import Signals
-    from tega.runtime.files.tables.table import Reading
-
-_ARRAYS = {".mat", ".npz", ".h5", ".hdf5", ".hdf"}
 
 
 class _ReadOption(click.ParamType[dict[str, Any]]):
@@ -76,11 +69,6 @@ def kind_option(name: str, default: str | None = None) -> Callable[[Any], Any]:
     )  # fmt: skip
 
 
-target_option = click.option(
-    "--target", help="Closure or force: a variable of a file of arrays, else a column from 1."
-)
-
-
 def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
     """Add the options that say how a file of EMG is read; the command receives them as ``reading``."""
 
@@ -101,53 +89,3 @@ def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
         "rows=samples or channels; several with commas between.",
     )  # fmt: skip
     return column_options()(read_option(command))
-
-
-def read_emg(file: Path, reading: Reading) -> Signals:
-    """Read a file of EMG, and print the choices made and the problems found."""
-    from tega.runtime.files.signals import read_signals
-
-    signals = read_signals(file, reading)
-    for note in signals.notes:
-        click.echo(f"{file.name}: {note}", err=True)
-    return signals
-
-
-def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[Any, Any, float]:
-    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
-
-    Return them, float64 (n, channels) and (n,), and the samples per second.
-    """
-    import msgspec
-
-    from tega.errors import RecordingError
-
-    if file.suffix.lower() in _ARRAYS:
-        signals = read_emg(file, reading)
-        alone = msgspec.structs.replace(reading, rate_hz=None, channels=(1,), variable=beside, time="none")
-        samples, measured = signals.samples, read_emg(file, alone).samples[:, 0]
-    elif beside.isdecimal() and int(beside) > 0:
-        if not reading.channels:
-            raise click.UsageError(
-                f"{file.name} is a table, where {option} {beside} is a column beside the EMG: name that with --channels"
-            )
-        both = msgspec.structs.replace(reading, channels=(*reading.channels, int(beside)), variable="emg")
-        signals = read_emg(file, both)
-        samples, measured = signals.samples[:, :-1], signals.samples[:, -1]
-    else:
-        raise click.UsageError(
-            f"{option} {beside!r}: {file.name} is no file of arrays, so name a column from 1"
-        )
-    if len(samples) != len(measured):
-        raise RecordingError(
-            f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
-            "give one target a sample",
-        )
-    return samples, measured, stated_rate(signals, file.name)
-
-
-def stated_rate(signals: Signals, name: str) -> float:
-    """Return the samples per second that a file states, or that were given."""
-    if signals.rate_hz is None:
-        raise click.UsageError(f"{name} does not state its rate: name its --rate-hz")
-    return signals.rate_hz

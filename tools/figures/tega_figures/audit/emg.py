@@ -10,13 +10,13 @@ import numpy as np
 
 from tega.config.choose import block_s, muscle_decoder
 from tega.emg import channel_maxima
-from tega.emg.score import changes_per_second, delay_s
 from tega.errors import CalibrationError
 from tega.hand import joined_level
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.maxima import EMG_PERCENTILE, block_length, held_samples
 from tega.records import Intent
 from tega_figures.audit.touch import rank_of
+from tega_learn.score import changes_per_second, delay_s
 
 if TYPE_CHECKING:
     from tega.config.calibration import EmgMaxima

@@ -10,12 +10,12 @@ import numpy as np
 
 from tega.config.choose import finger_metric
 from tega.devices.base import TactileFrame
-from tega.emg.score import changes_per_second, rank_correlation
 from tega.errors import TegaError
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.records import Contact
 from tega_figures.audit.truth import FarField, Mask, PictureTruth
+from tega_learn.score import changes_per_second, rank_correlation
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

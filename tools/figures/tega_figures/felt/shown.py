@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from tega.config import FINGERS
-from tega.emg.score import rank_correlation
 from tega_figures.touch_demo import DEMO_OBJECTS, LOAD_N, RELEASE_S
+from tega_learn.score import rank_correlation
 from tega_sim.plan import TrialPlan
 from tega_sim.streams import Streams
 from tega_sim.trial import run_trial

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.emg.score import (
+from tega.errors import CalibrationError, InvalidValueError, ShapeError
+from tega.ui.cli.main import main
+from tega_learn.score import (
     RecordingScore,
     changes_per_second,
     delay_s,
     rank_correlation,
     score_recording,
 )
-from tega.errors import CalibrationError, InvalidValueError, ShapeError
-from tega.ui.cli.main import main
 
 ROOT = Path(__file__).resolve().parents[3]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg" / "my_thesis"
