@@ -28,9 +28,9 @@ from tega.arm.workspace import Workspace
 from tega.config import load_config
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
-from tega.loop import homing
 from tega.records import ArmMeasured, ArmTurn, PoseNumbers
 from tega.records.bus import Bus
+from tega_bench import homing
 from tega_bench.homing import Settling, go_to_start
 from tega_study.lead.benches import LabBench
 from tega_study.lead.rest_tasks import RestTaskEndedError, RunningTask
