@@ -24,7 +24,7 @@ from reference.ros2 import array as ros2_array
 from reference.ros2 import raw as ros2_raw
 from reference.videos import encode, numbered
 from tega.config import load_config
-from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
+from tega.config.calibration import Calibration, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
 from tega.devices.emg.ros2_emg import Ros2Emg, Ros2EmgOptions
@@ -105,7 +105,7 @@ def toml() -> bytes:
 
 
 def _calibration(folder: Path) -> bytes:
-    save_calibration(Calibration(preset="live", origin="a test", tactile=FingerMaxima()), folder / "c.toml")
+    save_calibration(Calibration(preset="live", origin="a test"), folder / "c.toml")
     return (folder / "c.toml").read_bytes()
 
 
