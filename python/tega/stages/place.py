@@ -80,7 +80,7 @@ class PlaceMapping(SlipRowMapping):
     def _spread(self, values: NDArray[np.float64], contacts: AnyMapping[str, Contact]) -> NDArray[np.float64]:
         if self._place.blend == "all":
             return super()._spread(values, contacts)
-        levels = np.zeros(len(self._displayed))
+        levels = np.zeros(len(self._rows))
         for n, finger in enumerate(self._fingers):
             percent = {"front": values[2 * n], "back": values[2 * n + 1]}
             if finger not in self._own_columns or not any(percent.values()):
