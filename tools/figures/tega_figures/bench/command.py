@@ -161,8 +161,8 @@ def loop(
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
 
-    Four DIGITs, or --fingers, at 60 Hz, EMG at 1 kHz, an Allegro Hand at 333 Hz and a vest, each emulated in a process of its own on
-    this machine, so the loop has only what they leave of it.
+    Four DIGITs, or --fingers, at 60 Hz, EMG at 1 kHz, an Allegro Hand at 333 Hz and a vest, each emulated in a process
+    of its own on this machine, so the loop has only what they leave of it.
 
     \b
     --json prints one object:

@@ -83,9 +83,9 @@ def bench_loop(
 ) -> LoopBench:
     """Run DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
-    The ``n_fingers`` DIGITs are shown by four columns of the vest. With ``record`` the run is recorded and its tables are written as well. ``pace`` is ``vest.pace`` of a
-    session's settings; ``most_hz`` is the greatest rate of the vest's link, ``None`` for the driver's own.
-    ``realtime`` is whether run and witness ask for real-time priority.
+    The ``n_fingers`` DIGITs share four columns of the vest. With ``record`` the run is recorded and its tables are
+    written as well. ``pace`` is ``vest.pace`` of a session's settings; ``most_hz`` is the greatest rate of the vest's
+    link, ``None`` for the driver's own. ``realtime`` is whether run and witness ask for real-time priority.
     """
     from tega.loop.session import run_session
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
