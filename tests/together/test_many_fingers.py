@@ -21,13 +21,16 @@ from tega.config.attached import config_text
 from tega.config.calibration import TouchMaxima
 from tega.config.calibration.store import Calibration, calibration_text, parse_calibration
 from tega.errors import CalibrationError, ConfigError
+from tega.haptics.motor_layout import find_layout
 from tega.loop import run_session
 from tega.loop.snapshot import Snapshot
 from tega.recording.export import export_file
 from tega.recording.replay import replay_file
-from tega.records import Contact, Picture
+from tega.records import Contact, Event, Picture
 from tega.records.bus import Bus
 from tega.safety.guard import Guard, Watched
+from tega.stages.base import VestSetup
+from tega.stages.pulses import PulsesMapping, PulsesOptions
 
 SECONDS = 0.5
 PARTS = (*FINGERS, "little", "palm", "palm_edge", "palm_heel")
@@ -140,6 +143,18 @@ def test_a_finger_has_one_column(options: dict[str, Any], message: str) -> None:
     }
     with pytest.raises(ConfigError, match=message):
         check_tree(settings, {}, base=Path.cwd())
+
+
+def test_an_event_of_any_finger_of_a_column_pulses_there() -> None:
+    columns = (("left_thumb", "right_thumb"), ("left_palm", "right_palm"))
+    fingers = tuple(chain(*columns))
+    for place, name in enumerate(fingers):
+        mapping = PulsesMapping(
+            VestSetup(find_layout("x40"), fingers, {}, None), PulsesOptions(fingers=columns)
+        )
+        contact = Contact(finger=name, t_ns=0, in_contact=True)
+        levels = mapping.levels(0, {name: contact}, [Event(t_ns=0, finger=name, kind="contact")])
+        assert levels.reshape(2, 5, 4).max(axis=(0, 1)).tolist() == [70 * (place // 2 == k) for k in range(4)]
 
 
 def test_a_wrong_value_of_one_finger_names_it() -> None:
