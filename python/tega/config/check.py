@@ -147,6 +147,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
         ),
     )
+    # Another package's mapping may show fingers otherwise, and then refuses them itself.
     shown = getattr(config.stages.mapping.options, "fingers", ())
     for finger in tactile if isinstance(shown, tuple) else ():
         with _named(origins, f"tactile.{finger}.driver"):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from tega.devices.base import optional
@@ -129,7 +129,7 @@ class Moments:
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
         devices: frozenset[str] = frozenset(),
-        fingers: Iterable[str] = (),
+        fingers: Collection[str] = (),
         complete: Sequence[Callable[[LoopView], LoopView]] = (),
     ) -> None:
         self._bus, self._hand = bus, hand
