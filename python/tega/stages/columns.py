@@ -137,7 +137,8 @@ class ColumnsMapping(Mapping):
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
         """Return the level of every motor from the fingers' values."""
-        levels: NDArray[np.float64] = values.take(self._displayed).max(axis=0)
+        of_each = values.take(self._displayed)
+        levels: NDArray[np.float64] = of_each[0] if len(of_each) == 1 else of_each.max(axis=0)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
             levels = 100 * np.minimum(np.maximum(levels / 100 * self._rows - self._below, 0), 1)
