@@ -124,7 +124,8 @@ shots: ## the pictures that take a Chromium (Debian: apt install chromium) and t
 	$(BIN)/tega-teleop study simulate --operators 4 --trials 3 --seed 1 --out target/study
 	$(BIN)/python -m tega_figures.report_shots target/study/report.html docs/images
 
-measured: ## the picture of the simulated world, and that of an hour of faults
+measured: ## the pictures of the simulated world, of an hour of faults, and of the cost of fingers (on a quiet machine)
+	$(BIN)/python -m tega_figures.bench.fingers docs/images/fingers.png
 	$(BIN)/python -m tega_figures.world.pictures docs/images
 	$(BIN)/tega-teleop soak --seconds 3600 --seed 7 --out target/soak
 	cp target/soak/faults.png docs/images/soak.png

@@ -113,7 +113,8 @@ def _rows(prefix: str, section: type, inner: list[tuple[str, type]]) -> Iterator
     for field in msgspec.structs.fields(section):
         below = _section_of(kinds[field.name])
         if below is not None:
-            inner.append((f"{prefix}{field.encode_name}.", below))
+            free = ".FINGER" if typing.get_origin(kinds[field.name]) is dict else ""
+            inner.append((f"{prefix}{field.encode_name}{free}.", below))
             continue
         what = _plain(said.get(field.name, ""))
         yield f"| `{prefix}{field.encode_name}` | {_values(kinds[field.name])} | {_default(field)} | {what} |"

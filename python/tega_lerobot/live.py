@@ -53,7 +53,7 @@ def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list
     """
     layout = find_layout(config.vest.layout or DEFAULT_LAYOUT[config.session.preset])
     sizes = {"/hand/frames": len(CLOSURE)}
-    if config.tactile.in_use() or config.vest.driver is not None:  # else the loop makes no frames
+    if config.tactile or config.vest.driver is not None:  # else the loop makes no frames
         sizes["/vest/frame"] = len(layout.motors)
         if config.hand.driver is not None or config.emg is not None:
             sizes["/hand/joints"] = len(JOINT_NAMES)
@@ -62,7 +62,7 @@ def feature_names(config: SessionConfig, *, emg_channels: int) -> dict[str, list
     if config.arm is not None:
         sizes[ARM_MEASURED] = len(PoseNumbers.table)
     streams = {topic: Stream([0], [(0.0,) * n]) for topic, n in sizes.items()}
-    for finger in config.tactile.in_use():
+    for finger in config.tactile:
         streams[f"/tactile/{finger}/contact"] = Stream([0], [(0.0,) * 6])
         streams[f"/tactile/{finger}/image"] = Stream([0], [None])
     return {name: column.names for name, column in columns_of(streams, np.zeros(1, np.int64)).items()}

@@ -8,6 +8,7 @@ from typing import TypeVar
 import msgspec
 
 from tega.config.calibration import TouchMaxima
+from tega.config.fingers import FingerName
 from tega.records import Contact, Intent, PoseNumbers, RunState
 
 PROTOCOL = 3
@@ -199,7 +200,7 @@ class Welcome(msgspec.Struct, frozen=True, tag=True):
     """
 
     station: int
-    fingers: dict[str, float]
+    fingers: dict[FingerName, float]
     hand: bool
     arm: bool
     tega: str = ""

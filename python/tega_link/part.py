@@ -39,7 +39,7 @@ def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -
         )
     operator = net.station == "operator"
     here = {
-        "tactile": bool(config.tactile.in_use()),
+        "tactile": bool(config.tactile),
         "hand": config.hand.driver is not None,
         "arm": config.arm is not None,
     }

@@ -76,7 +76,7 @@ class RobotStation(Station):
         self._send_state = link.sends("state", Channel.STATE)
         self._send_event = link.sends("event", Channel.EVENT)
         self._clock.open(link.sends("clock/ping", Channel.COMMAND), link.sends("clock/pong", Channel.COMMAND))
-        for finger in self._config.tactile.in_use():
+        for finger in self._config.tactile:
             self._features[finger] = link.sends(f"tactile/features/{finger}", Channel.FEATURES)
         link.receives("cmd/*/hand", self._receive_command)
         link.receives("cmd/*/arm", self._receive_command)

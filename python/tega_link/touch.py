@@ -45,8 +45,7 @@ def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Cal
             f"the calibration was made with preset {calibration.preset!r}, the run uses {welcome.preset!r}",
             "calibrate again under the conditions of this run, or run under those of the calibration",
         )
-    tactile = msgspec.structs.replace(calibration.tactile, **known)
-    return msgspec.structs.replace(calibration, tactile=tactile)
+    return msgspec.structs.replace(calibration, tactile=calibration.tactile | known)
 
 
 class FarTouch:

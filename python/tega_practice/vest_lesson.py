@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import string
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Final, NamedTuple
@@ -74,11 +75,16 @@ def cue(
 def all_aspects(fingers: Sequence[str]) -> tuple[Aspect, ...]:
     """Return every question that a contact of these fingers can be asked about."""
     one = "index" if "index" in fingers else fingers[0]
+    initials = [finger[0] for finger in fingers]
+    keys = initials if len(set(initials)) == len(fingers) else string.ascii_lowercase
     return (
         Aspect(
             "finger",
             "Which finger?",
-            tuple(cue(finger[0], f"the {finger}", finger, even(0.7)) for finger in fingers),
+            tuple(
+                cue(key, f"the {finger}", finger, even(0.7))
+                for key, finger in zip(keys, fingers, strict=False)
+            ),
         ),
         Aspect(
             "firmness",
@@ -128,7 +134,7 @@ class Lesson:
     def __init__(self, config: SessionConfig, vest: VestSink, clock: Clock | None = None) -> None:
         self._config, self._vest, self._clock = config, vest, clock or SystemClock()
         self._start_ns = self._clock.now_ns()
-        self._fingers = tuple(config.tactile.in_use()) or FINGERS
+        self._fingers = tuple(config.tactile) or FINGERS
         options = chosen_stage("mapping", config.stages, config.session.preset).options
         self._full = {"cci": 1.0, "eda": _PIXELS}
         for face in ("front", "back"):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import FINGERS, RecordingSection, StagesSection
-from tega.config.calibration.store import Calibration, FingerMaxima
+from tega.config.calibration.store import Calibration
 from tega.haptics import Layout, MotorLevels
 from tega.loop.pacing import LoopReport
 from tega.recording.session import Recording
@@ -76,9 +76,7 @@ class LiftRecorder:
         self._recording = Recording(config, self._folder, bus)
         self._recording.describe(
             config,
-            calibration=Calibration(
-                preset=lab.preset, origin=_NAME, tactile=FingerMaxima(**lab.touch), emg=emg
-            ),
+            calibration=Calibration(preset=lab.preset, origin=_NAME, tactile=dict(lab.touch), emg=emg),
             calibration_name=_NAME,
             baselines=lab.baselines,
             sources=sources,

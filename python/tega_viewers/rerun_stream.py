@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Self
 
@@ -36,6 +37,7 @@ class RerunStream:
         self._bus, self._port, self._file = bus, port, file
         self._rerun: Any = None
         self._stream: Any = None
+        self._fingers: list[str] = []
         self._backlog = Backlog("rerun", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url = ""
 
@@ -54,10 +56,9 @@ class RerunStream:
         else:
             self.url = str(self._file)
             stream.save(self._file, default_blueprint=_layout())
-        for finger in FINGERS:
-            names = self._rerun.SeriesLines(names=[f"{finger} CCI", f"{finger} EDA"])
-            stream.log(f"/tactile/{finger}/contact", names, static=True)
         self._stream = stream
+        for finger in FINGERS:
+            self._name(finger)
         self._bus.subscribe(Record, self._take, name="rerun", backlog=self._backlog)
         return self
 
@@ -81,9 +82,18 @@ class RerunStream:
                 f"rerun: no viewer listens at 127.0.0.1:{self._port}", "start it first: rerun"
             ) from error
 
+    def _name(self, finger: str) -> None:
+        """Name a finger's lines, and give it a place in the layout."""
+        self._fingers.append(finger)
+        names = self._rerun.SeriesLines(names=[f"{finger} CCI", f"{finger} EDA"])
+        self._stream.log(f"/tactile/{finger}/contact", names, static=True)
+
     def _take(self, record: Record) -> None:
         if self._stream is None or (displayed := self._displayed(record)) is None:
             return
+        if isinstance(record, Contact) and record.finger not in self._fingers:
+            self._name(record.finger)
+            self._stream.send_blueprint(_layout(self._fingers))
         self._stream.set_time(_TIMELINE, duration=record.log_ns / 1e9)
         self._stream.log(record.where, displayed)
 
@@ -119,7 +129,7 @@ def save_layout(path: Path) -> None:
     _layout().save(_APPLICATION, str(path))
 
 
-def _layout() -> Any:
+def _layout(fingers: Sequence[str] = FINGERS) -> Any:
     """Return the viewer's layout: fingertips above, touch and vest below them, then hand and words."""
     import rerun.blueprint as rrb
 
@@ -128,10 +138,10 @@ def _layout() -> Any:
 
     return rrb.Blueprint(
         rrb.Vertical(
-            rrb.Horizontal(*(named("image", finger) for finger in FINGERS)),
+            rrb.Horizontal(*(named("image", finger) for finger in fingers)),
             rrb.Horizontal(
                 rrb.TimeSeriesView(
-                    contents=[f"/tactile/{finger}/contact" for finger in FINGERS],
+                    contents=[f"/tactile/{finger}/contact" for finger in fingers],
                     name="CCI and EDA, share of the maximum",
                 ),
                 rrb.BarChartView(origin="/vest/frame", name="vest, percent"),

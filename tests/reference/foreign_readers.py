@@ -21,7 +21,7 @@ from reference.can_logs import conversation, write_log
 from reference.recordings import pressed, write_video
 from reference.videos import encode, numbered
 from tega.config import load_config
-from tega.config.calibration import Calibration, FingerMaxima, load_calibration, save_calibration
+from tega.config.calibration import Calibration, load_calibration, save_calibration
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.config.calibration.records import TouchRecord, read_record
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
@@ -92,7 +92,7 @@ def toml() -> bytes:
 
 
 def _calibration(folder: Path) -> bytes:
-    save_calibration(Calibration(preset="live", origin="a test", tactile=FingerMaxima()), folder / "c.toml")
+    save_calibration(Calibration(preset="live", origin="a test"), folder / "c.toml")
     return (folder / "c.toml").read_bytes()
 
 

@@ -22,7 +22,6 @@ from reference.processes import until
 from tega.config import load_config
 from tega.config.calibration import (
     Calibration,
-    FingerMaxima,
     TouchMaxima,
     load_calibration,
     save_calibration,
@@ -199,7 +198,7 @@ def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_
     # What counts as full touch is known at the robot alone, what the muscles can at the operator alone.
     known = load_calibration(tmp_path / "calibration.toml")
     save_calibration(msgspec.structs.replace(known, emg=None), tmp_path / "gels.toml")
-    save_calibration(msgspec.structs.replace(known, tactile=FingerMaxima()), tmp_path / "muscles.toml")
+    save_calibration(msgspec.structs.replace(known, tactile={}), tmp_path / "muscles.toml")
     with robot_file.open("a", encoding="utf-8") as file:
         file.write('\n[calibration]\nfile = "gels.toml"\n')
     text = operator_file.read_text(encoding="utf-8").replace("calibration.toml", "muscles.toml")
@@ -228,7 +227,7 @@ def test_the_robot_s_recording_holds_the_operator_s_samples_and_plays_again(tmp_
 
 def test_full_touch_is_what_the_operator_s_calibration_says_else_what_the_robot_s_does() -> None:
     ours, theirs = TouchMaxima(cci_max=1.0, eda_max=100.0), TouchMaxima(cci_max=2.0, eda_max=200.0)
-    calibration = Calibration(preset="live", origin="test", tactile=FingerMaxima(thumb=ours))
+    calibration = Calibration(preset="live", origin="test", tactile={"thumb": ours})
     welcome = Welcome(
         1, {"thumb": 60.0, "index": 60.0}, hand=True, arm=False, touch={"thumb": theirs, "index": theirs}
     )

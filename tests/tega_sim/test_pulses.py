@@ -61,7 +61,7 @@ def touch(mass: float, y: float = 100.0, t_ns: int = 0) -> Contact:
     )
 
 
-def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: float) -> TouchLoop:
+def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: Any) -> TouchLoop:
     """Return a back loop whose mapping is the pulses."""
     options = PulsesOptions(**pulses)
     mapping = partial(PulsesMapping, options=options)

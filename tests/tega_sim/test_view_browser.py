@@ -23,8 +23,9 @@ from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.charts import drives
 from tega.ui.view.browser.pictures import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.ui.view.browser.scene import Scene
+from tega.ui.view.browser.state_html import captions_html
 from tega.ui.view.browser.vest import vest_svg
-from tega.ui.view.run_state import RateMeter
+from tega.ui.view.run_state import ContactLabels, RateMeter
 from tega.ui.view.state import EmgTail, ShapeKind
 
 
@@ -298,6 +299,23 @@ def test_the_touch_map_has_its_marks_where_the_contact_is(moments):
         assert np.median(distance) == pytest.approx(radius, abs=2.0)
     grey = (tile[..., 0] == tile[..., 1]) & (tile[..., 1] == tile[..., 2])
     assert grey.mean() > 0.8
+
+
+def test_fingers_of_other_names_are_shown_in_lines_of_four(moments):
+    state = moments.at(2.5)
+    names = ["left_palm", "left_thumb", "right_palm", "right_thumb", "index"]
+    sheet = TouchSheet().draw({"index": state.images["index"]}, names)
+    line = 2 * (TILE_HEIGHT + GAP)
+    assert sheet.shape == (2 * line - GAP, 4 * (TILE_WIDTH + GAP) - GAP, 3)
+    assert (sheet[line:, :TILE_WIDTH] != 236).any()
+    assert np.unique(sheet[:line]).tolist() == [236, 255]
+    loop = state.loop._replace(fingers=names)
+    captions = captions_html(state._replace(loop=loop), ContactLabels())
+    assert captions.count("</tr>") == 2
+    assert [captions.count(f"<b>{name}</b>") for name in names] == [1] * 5
+    drawing = vest_svg(None, names="1234")
+    assert drawing.count(">4</text>") == 2
+    assert ">thumb</text>" not in drawing
 
 
 @pytest.mark.parametrize(("layout", "motors"), [("paper32", 32), ("x40", 40), ("x16", 16)])

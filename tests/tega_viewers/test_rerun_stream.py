@@ -90,6 +90,17 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
     assert topics <= sent
 
 
+def test_a_finger_of_another_name_gets_its_lines_and_its_view(tmp_path: Path) -> None:
+    bus, file = Bus(), tmp_path / "run.rrd"
+    with RerunStream(bus, file=file):
+        for t_ns in (5, 6):
+            bus.publish(Contact(finger="left_palm", t_ns=t_ns, in_contact=True, cci_norm=0.25))
+    assert bus.problem() == ""
+    text = printed(file)
+    assert "left_palm CCI" in text
+    assert "[left_palm]" in text
+
+
 def test_no_viewer_says_how_to_start_one() -> None:
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))

@@ -17,7 +17,7 @@ import pytest
 from hazards.bench import Lab, lab
 from reference.processes import begun_by
 from tega.config import check_tree
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.errors import RecordingError
 from tega.loop import rig, run_session
 from tega.recording.mcap_reader import McapReader
@@ -107,7 +107,7 @@ def test_an_electrode_that_moved_is_an_alert(tmp_path: Path) -> None:
     maxima = EmgMaxima(
         kind="raw", rate_hz=float(rate_hz), tau=100, channels=("ch1", "ch2"), maxima=(100.0, 100.0)
     )
-    calibration = Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima)
+    calibration = Calibration(preset="live", origin="a test", emg=maxima)
     save_calibration(calibration, tmp_path / "c.toml")
     tree = {
         "session": {"pace": "fast"},

@@ -113,10 +113,10 @@ def test_a_program_sends_without_any_sensor(tmp_path: Path) -> None:
 
 
 def _calibration(folder: Path) -> Path:
-    from tega.config.calibration import Calibration, FingerMaxima, save_calibration
+    from tega.config.calibration import Calibration, save_calibration
 
     path = folder / "calibration.toml"
-    save_calibration(Calibration(preset="live", origin="none", tactile=FingerMaxima()), path)
+    save_calibration(Calibration(preset="live", origin="none"), path)
     return path
 
 

@@ -18,7 +18,7 @@ import pytest
 
 from reference.processes import until
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
-from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, TouchMaxima, save_calibration
 from tega.config.calibration.store import parse_calibration
 from tega.config.choose import preset_metric
 from tega.errors import CalibrationError
@@ -276,7 +276,7 @@ def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(tmp_path:
         Calibration(
             preset="live",
             origin="made up",
-            tactile=FingerMaxima(thumb=TouchMaxima(cci_max=1.0, eda_max=100.0)),
+            tactile={"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)},
         ),
         tmp_path / "calibration.toml",
     )
@@ -340,7 +340,7 @@ def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
     [
         ([], "nothing to replay"),
         (["--tactile", "thumb"], "'thumb' is not FINGER=PATH"),
-        (["--tactile", "pinky=x"], "with FINGER one of thumb, index, middle, ring"),
+        (["--tactile", "=x"], "'=x' is not FINGER=PATH"),
         (["--tactile", "thumb=a", "--tactile", "thumb=b"], "--tactile thumb is given twice"),
         (["--tactile", "thumb=a", "--baseline", "ring=b"], "--baseline ring: there is no --tactile ring"),
         (["--emg", "e.csv"], "--emg needs --emg-kind"),

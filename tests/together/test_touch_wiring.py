@@ -17,7 +17,7 @@ from reference.gel import N_FRAMES, PERIOD_NS, PRESSED, gel_frames
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
 from reference.sessions import record, rewritten, stream
 from tega.config import check_tree
-from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima
+from tega.config.calibration import Calibration, TouchMaxima
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.haptics import contact_type
 from tega.loop import run, run_session
@@ -212,7 +212,7 @@ def test_a_run_in_which_one_finger_holds_on_is_replayed_with_what_each_was_told(
         sensor: Any = _Sensor(frames)
         fingers[name] = Finger(sensor, baseline, "given", SourceReport())
     full = TouchMaxima(cci_max=1.0, eda_max=20_000.0)
-    calibration = Calibration(preset="live", origin="", tactile=FingerMaxima(thumb=full, ring=full))
+    calibration = Calibration(preset="live", origin="", tactile={"thumb": full, "ring": full})
     tree = {
         "session": {"pace": "real"},
         "recording": {"dir": str(tmp_path / "run"), "lossless": True, "stop_free_mib": 0.0},

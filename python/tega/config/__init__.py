@@ -27,7 +27,6 @@ from tega.config.sections import (
     SessionConfig,
     SessionSection,
     TactileConfig,
-    TactileSection,
     TrackerConfig,
     VestConfig,
 )
@@ -65,7 +64,6 @@ __all__ = [
     "StageConfig",
     "StagesSection",
     "TactileConfig",
-    "TactileSection",
     "TrackerConfig",
     "VestConfig",
     "check_tree",

@@ -10,6 +10,7 @@ from typing import Any, Final
 import msgspec
 
 from tega.config.errors import Overridden, check_removed, explain, without_constants
+from tega.config.fingers import in_order
 from tega.config.guests import TableContext, read_guest_tables
 from tega.config.origins import LoadedConfig, SettingValue, fields_of, origin_of, where
 from tega.config.sections import (
@@ -18,7 +19,6 @@ from tega.config.sections import (
     InputConfig,
     InputSection,
     SessionConfig,
-    TactileSection,
 )
 from tega.config.stage_sections import DEFAULT_STAGES, STAGE_GROUPS, ReflexSection, StageConfig, StagesSection
 from tega.devices.registry import driver_class
@@ -26,6 +26,7 @@ from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
 from tega.records.types import record_types
 from tega.runtime.features import named
+from tega.stages.columns import column_of_each
 from tega.stages.registry import stage_class
 
 LEAST: Final = 1e-12
@@ -33,6 +34,9 @@ LEAST: Final = 1e-12
 
 MOST: Final = 1e15
 """The largest size."""
+
+_TAKEN: Final = {*SessionConfig.__struct_fields__, "forearm"}
+"""Names of other devices and tables, and of the tracker of the arm: no finger's."""
 
 
 def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
@@ -122,9 +126,10 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     if "guests" in tree:
         raise ConfigError(f"{where(origins, 'guests')}: guests: unknown key", "use the feature's own table")
     config: SessionConfig = convert(tree, SessionConfig, "")
-    tactile = TactileSection(
-        **{f: with_options(c, "tactile", f"tactile.{f}") for f, c in config.tactile.in_use().items()}
-    )
+    if taken := _TAKEN & config.tactile.keys():
+        place = f"{where(origins, f'tactile.{min(taken)}.driver')}: tactile.{min(taken)}"
+        raise ConfigError(f"{place}: something else in a run has that name", "name the finger otherwise")
+    tactile = {f: with_options(c, "tactile", f"tactile.{f}") for f, c in in_order(config.tactile).items()}
     arm = with_options(config.arm, "arm", "arm")
     if arm is not None:
         tracker = with_options(arm.tracker, "tracker", "arm.tracker")
@@ -142,6 +147,11 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             **{seat: with_options(c, "input", f"input.{seat}") for seat, c in config.input.in_use().items()}
         ),
     )
+    # Another package's mapping may show fingers otherwise, and then refuses them itself.
+    shown = getattr(config.stages.mapping.options, "fingers", ())
+    for finger in tactile if isinstance(shown, tuple) else ():
+        with _named(origins, f"tactile.{finger}.driver"):
+            column_of_each(shown, [finger])
     _check_dead_man(config.input.dead_man)
     config, mounted = _with_mounted_hand(config, origins)
     guests = read_guest_tables(given, TableContext(base, config, with_options), convert)

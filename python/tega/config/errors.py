@@ -104,10 +104,16 @@ def explain(
     """
     subject, steps = _parts(error)
     value, kind, key = tree, wanted, prefix
-    for name, index in steps:
+    for step, index in steps:
+        name = _wrong_entry(value, kind) if step == "*" else step
+        if step == "*":
+            named_by, kind = typing.get_args(kind)
+        else:
+            kind = _fields_at(kind).get(name, Any)
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
-        kind = _fields_at(kind).get(name, Any)
         value = _value_at(value, name, index)
+    if "`key` in `" in str(error):
+        return ConfigError(f"{_origin(origins, key)}: {key}: {name!r} is no name here", _names(named_by))
     if (unknown := re.match(r"Object contains unknown field `(.*)`", subject)) is not None:
         name = unknown.group(1)
         full = f"{key}.{name}".lstrip(".")
@@ -161,9 +167,20 @@ def _wrong_value(key: str, value: Any, subject: str) -> str:
 
 
 def _parts(error: msgspec.ValidationError) -> tuple[str, list[tuple[str, str]]]:
-    """Return what is wrong, and the steps to the value: a name or an index each."""
-    subject, _, path = str(error).partition(" - at `$")
-    return subject, re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`"))
+    """Return what is wrong, and the steps to the value: a name or an index each, ``*`` for one of a table's names."""
+    text = re.sub(r"`key` in `\$(.*)`$", r"`$\1[...]`", str(error))
+    subject, _, path = text.partition(" - at `$")
+    return subject, re.findall(r"\.([^.\[\]]+)|\[(\d+)\]", path.removesuffix("`").replace("[...]", ".*"))
+
+
+def _wrong_entry(table: Mapping[str, Any], kind: Any) -> str:
+    """Return the first name in a table whose entry, or which itself, is not of the table's type."""
+    for name, entry in table.items():
+        try:
+            msgspec.convert({name: entry}, kind, dec_hook=lambda wanted, value: wanted(value))
+        except msgspec.ValidationError:
+            return name
+    return "*"
 
 
 def _origin(origins: Mapping[str, str], key: str) -> str:
@@ -206,6 +223,11 @@ def _choices(kind: Any) -> str:
         c for member in _members(kind) if typing.get_origin(member) is typing.Literal for c in member.__args__
     ]
     return f"one of: {', '.join(map(str, options))}" if options else ""
+
+
+def _names(kind: Any) -> str:
+    """Return the names that a table's type allows, in words."""
+    return next((meta.description or "" for meta in getattr(kind, "__metadata__", ())), "")
 
 
 def _members(kind: Any) -> list[Any]:

@@ -44,8 +44,7 @@ def fields_of(struct: msgspec.Struct, prefix: str = "") -> Iterator[tuple[str, A
     for name in struct.__struct_fields__:
         value = getattr(struct, name)
         if name == "guests":
-            for key, table in value.items():
-                yield from _fields_under(key, table)
+            yield from _entries("", value)
         elif name != "options" or isinstance(value, msgspec.Struct):
             yield from _fields_under(f"{prefix}{name}", value)
 
@@ -54,8 +53,15 @@ def _fields_under(key: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield a value by its dotted key, or the fields of a table or of an array of tables."""
     if isinstance(value, msgspec.Struct):
         yield from fields_of(value, f"{key}.")
+    elif isinstance(value, dict) and all(isinstance(one, msgspec.Struct) for one in value.values()):
+        yield from _entries(f"{key}.", value)
     elif isinstance(value, tuple) and value and all(isinstance(one, msgspec.Struct) for one in value):
         for number, one in enumerate(value):
             yield from fields_of(one, f"{key}[{number}].")
     else:
         yield key, value
+
+
+def _entries(prefix: str, table: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
+    for name, value in table.items():
+        yield from _fields_under(f"{prefix}{name}", value)

@@ -11,7 +11,7 @@ import msgspec
 from tega.config import CalibrationConfig, EmgConfig, SessionConfig
 from tega.config.calibration.folder import CalibrationFolder, Part, device_name
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
-from tega.config.calibration.store import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, refused_law
+from tega.config.calibration.store import Calibration, EmgMaxima, TouchMaxima, refused_law
 from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, TegaError
@@ -75,7 +75,7 @@ def person_calibration(
         warnings += emg_warnings(record_emg, config, settings=settings, now=now)
     warnings += vest_warnings(config, folder, person, settings=settings, now=now)
     warnings += _arm_warnings(config, folder, person, settings=settings, now=now)
-    preset, name, tactile = config.session.preset, f"calibration of {person}", FingerMaxima(**fingers)
+    preset, name, tactile = config.session.preset, f"calibration of {person}", fingers
     calibration = Calibration(preset=preset, origin=name, tactile=tactile, emg=muscles)
     return Personal(calibration, name, tuple(warnings))
 
@@ -183,7 +183,7 @@ def touch_warnings(
     command = calibrate_command(settings, person, "touch")
     warnings = _old(f"{finger}: maxima", record.made, limits.touch_old_h, now, command)
     gels = folder.gels(record.device)
-    baseline = config.tactile.in_use()[finger].baseline
+    baseline = config.tactile[finger].baseline
     newest = next((g for g in gels if g.picture == baseline), None)
     if newest is not None:
         refresh = calibrate_command(settings, person, refresh=True)

@@ -40,7 +40,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
             return None, ""
         return record, "" if record is None else folder.named(folder.file_of(record, person))
 
-    for finger, section in config.tactile.in_use().items():
+    for finger, section in config.tactile.items():
         if (info := live_info(section, "tactile")) is None:
             continue
         if gels := folder.gels(device_name(info)):
@@ -83,6 +83,8 @@ def _of_the_hand(config: SessionConfig, folder: CalibrationFolder, person: str) 
 
 def _replaced(table: Any, path: Sequence[str], value: Any) -> Any:
     name, *rest = path
+    if isinstance(table, dict):
+        return table | {name: _replaced(table[name], rest, value)}
     inner = _replaced(getattr(table, name), rest, value) if rest else value
     return msgspec.structs.replace(table, **{name: inner})
 

@@ -20,9 +20,10 @@ from tega.arm.settings import (
     WatchdogSettings,
 )
 from tega.arm.workspace import Workspace
+from tega.config.fingers import FingerName
 from tega.config.stage_sections import Section, StagesSection
 from tega.errors import ConfigError
-from tega.haptics import FINGERS, Layout
+from tega.haptics import Layout
 from tega.safety.states import SafetySection
 
 Pace = Literal["steady", "by-frame"]
@@ -95,19 +96,6 @@ class TactileConfig(Section, frozen=True):
     driver: str
     baseline: Path | None = None
     options: Any = msgspec.field(default_factory=dict)
-
-
-class TactileSection(Section, frozen=True):
-    """The fingertips in use; a finger that is not named has no sensor."""
-
-    thumb: TactileConfig | None = None
-    index: TactileConfig | None = None
-    middle: TactileConfig | None = None
-    ring: TactileConfig | None = None
-
-    def in_use(self) -> dict[str, TactileConfig]:
-        """Return the fingers that have a sensor, thumb first."""
-        return {f: c for f in FINGERS if (c := getattr(self, f)) is not None}
 
 
 class EmgConfig(Section, frozen=True):
@@ -321,12 +309,14 @@ class RecordingSection(Section, frozen=True):
 class SessionConfig(Section, frozen=True):
     """All settings of a session, checked, with absolute paths and typed driver options.
 
-    ``guests`` holds the tables of features by their key in the file; only those that were given.
+    ``tactile`` holds the fingertips' sensors by finger, those of the vest's default columns first; a finger that is
+    not named has no sensor. ``guests`` holds the tables of features by their key in the file; only those that were
+    given.
     """
 
     session: SessionSection = SessionSection()
     calibration: CalibrationConfig = CalibrationConfig()
-    tactile: TactileSection = TactileSection()
+    tactile: dict[FingerName, TactileConfig] = msgspec.field(default_factory=dict)
     emg: EmgConfig | None = None
     vest: VestConfig = VestConfig()
     hand: HandConfig = HandConfig()

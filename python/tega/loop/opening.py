@@ -39,7 +39,7 @@ class Opening:
         """Begin to open the sources of touch and to make the hand ready; return its driver, not open yet, if any."""
         config = self._config
         if self._any:
-            for finger, c in config.tactile.in_use().items():
+            for finger, c in config.tactile.items():
                 self._fingers[finger] = driver_class(c.driver, "tactile")(c.options)
             self._begin(list(self._fingers.values()))
         if config.hand.driver is None:

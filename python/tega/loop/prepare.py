@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.config import DEFAULT_STAGES, SessionConfig
-from tega.config.calibration import Calibration, FingerMaxima, load_calibration
+from tega.config.calibration import Calibration, load_calibration
 from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import refused_law
 from tega.config.choose import block_s, chosen_stage, finger_metric, muscle_decoder
@@ -136,7 +136,7 @@ def prepare(
             config, sources, emg, conditions, settings=settings, now=utc_now()
         )
     elif origin:
-        calibration, name = Calibration(preset=preset, origin=origin, tactile=FingerMaxima()), "none"
+        calibration, name = Calibration(preset=preset, origin=origin), "none"
     else:
         for subject, source in (*sources.items(), ("emg", emg)):
             if source is not None and source.info.live:
@@ -155,7 +155,7 @@ def prepare(
         calibration = Calibration(
             preset=preset,
             origin=SELF_CALIBRATED,
-            tactile=FingerMaxima(**{name: touch_maxima(f.measured or []) for name, f in fingers.items()}),
+            tactile={name: touch_maxima(f.measured or []) for name, f in fingers.items()},
             emg=None if emg is None or conditions is None else emg_maxima(emg, conditions, preset=preset),
         )
     muscles = None
@@ -200,7 +200,7 @@ def _prepare_fingers(
     """Find every baseline, one thread per finger, and measure every frame, in the order of their times, if asked to."""
 
     def job(name: str) -> Finger:
-        baseline, origin = find_baseline(sources[name], config.tactile.in_use()[name].baseline, finger=name)
+        baseline, origin = find_baseline(sources[name], config.tactile[name].baseline, finger=name)
         return Finger(sources[name], baseline, origin, SourceReport())
 
     if not sources:

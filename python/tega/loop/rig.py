@@ -208,7 +208,7 @@ def open_rig(
 
 def names_input(config: SessionConfig) -> bool:
     """Return whether settings name a device that gives input: a fingertip camera, an EMG amplifier or an arm."""
-    return bool(config.tactile.in_use()) or config.emg is not None or config.arm is not None
+    return bool(config.tactile) or config.emg is not None or config.arm is not None
 
 
 def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:

@@ -141,6 +141,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             guard=guard,
             trace=trace,
             devices=rig.devices,
+            fingers=prepared.fingers,
             complete=[
                 one.displayed for one in (reflex, rig.sinks, rig.steering, *rig.parts) if one is not None
             ],

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
 from tega.devices.base import optional
-from tega.haptics import MotorLevels
+from tega.haptics import FINGERS, MotorLevels
 from tega.loop.arm_records import ArmView
 from tega.loop.hand import Hand
 from tega.loop.inbox.inputs import Inputs, SeatSeen
@@ -45,6 +45,7 @@ class LoopView(NamedTuple):
         reflex: Addition to the participant's own closure, and its reason; ``""`` without a reflex.
         command: Closure level of the newest command to the hand, including the reflex, 1 to 5; 0 if there is none.
         devices: Connected devices, out of ``emg``, ``hand`` and ``vest``; without files and models.
+        fingers: Fingers to display, with or without a sensor.
     """
 
     t_ns: int
@@ -68,6 +69,7 @@ class LoopView(NamedTuple):
     reflex: str = ""
     command: float = 0.0
     devices: frozenset[str] = frozenset()
+    fingers: Sequence[str] = FINGERS
 
     @property
     def t_s(self) -> float:
@@ -114,7 +116,8 @@ class Moments:
     The bus also has the events of touch. ``hand`` has the joints' angles, ``None`` without EMG; ``guard`` has
     the run's state; ``trace`` is the latency of touch and motion, ``None`` if it is not traced. ``devices``
     are the connected ones, out of ``emg``, ``hand`` and ``vest``; the functions ``complete`` add to the view,
-    called one after the other.
+    called one after the other. ``fingers`` are the session's: displays show them, or the vest's four if all are among
+    those.
     """
 
     def __init__(
@@ -126,11 +129,13 @@ class Moments:
         guard: Guard | None = None,
         trace: LatencyTrace | None = None,
         devices: frozenset[str] = frozenset(),
+        fingers: Collection[str] = (),
         complete: Sequence[Callable[[LoopView], LoopView]] = (),
     ) -> None:
         self._bus, self._hand = bus, hand
         self._inputs, self._guard, self._trace, self._complete = inputs, guard, trace, complete
         self._devices = devices
+        self._fingers = FINGERS if set(fingers) <= set(FINGERS) else tuple(fingers)
         self._displayed: Snapshot | None = None
         self._event: Event | None = None
         if self.wanted:
@@ -171,6 +176,7 @@ class Moments:
             target_rad=None if target_rad is None else target_rad.tolist(),
             command=command,
             devices=self._devices,
+            fingers=self._fingers,
         )
         if guard is not None:
             view = view._replace(

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Protocol
 
+from tega.errors import ConfigError
 from tega.safety.states import RunStates, SafetySection, State, Transition
 
 # Looked at this often, and less where nothing is live; a loop that is late, always.
@@ -61,6 +62,9 @@ class Guard:
         alerts: Alerts that do not change the state, by name: each returns its text, ``""`` for none.
         needs: Further requirements, by name: each returns why it is missing, ``""`` if it is there.
 
+    Raises:
+        ConfigError: A stream has the name of something else that is watched.
+
     Attributes:
         observers: Called with every change of state, in the loop's thread.
         alert_observers: Called with every alert that begins, and with ``""`` for every one that ends.
@@ -87,6 +91,11 @@ class Guard:
         self._alerts, self._needs = dict(alerts), dict(needs)
         self._alerted: dict[str, str] = {}
         live = bool(streams or vests or needs)
+        others = {*vests, *alerts, *needs}
+        if taken := [stream.name for stream in streams if stream.name in others]:
+            raise ConfigError(
+                f"two things that are watched have the name {taken[0]!r}", "name the finger otherwise"
+            )
         self.observers: list[Callable[[Transition], None]] = []
         self.alert_observers: list[Callable[[str, str], None]] = []
         self.changes: deque[Transition] = deque(maxlen=_KEPT_CHANGES)

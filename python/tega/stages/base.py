@@ -50,7 +50,7 @@ class FingerSetup(NamedTuple):
     """Setup of a metric: the finger that it measures.
 
     Attributes:
-        finger: ``"thumb"``, ``"index"``, ``"middle"`` or ``"ring"``.
+        finger: Name of the finger, such as ``"thumb"``.
         baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
         maxima: Maxima by value: ``cci`` and ``eda`` of the calibration, if they are known already.
         gel: Traits of the gel from the calibration.

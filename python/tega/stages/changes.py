@@ -81,8 +81,8 @@ class ChangesMapping(SlipRowMapping):
         # What was shown until now is what was adapted to until now.
         self._adapted = self._level + (self._adapted - self._level) * np.exp(-gone_s / o.adapt_s)
         self._level = level
-        for column, finger in enumerate(self._fingers):
-            both = slice(2 * column, 2 * column + 2)
+        for n, finger in enumerate(self._fingers):
+            both = slice(2 * n, 2 * n + 2)
             if finger not in self._seen or finger not in contacts:
                 self._adapted[both] = level[both]
                 self._changed_ns[both] = self._t_ns

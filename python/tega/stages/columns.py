@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
-from collections.abc import Sequence
-from typing import Annotated, ClassVar, Literal, cast
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 import numpy as np
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, intensity
 from tega.records import Contact, Event
+from tega.runtime.words import nearest_hint
 from tega.stages.base import Mapping, StageOptions, VestSetup
-from tega.wire.allegro_messages import Finger
 
 FIELDS = (
     "cci", "eda", "peak", "mass", "spread", "threshold", "area_mm2", "depth_mm", "force_n", "strength",
@@ -22,7 +22,7 @@ FIELDS = (
 )  # fmt: skip
 """Numbers of a contact that a face can show."""
 
-_Columns = tuple[Finger, Finger, Finger, Finger]
+FingerColumns = Annotated[tuple[str | tuple[str, ...], ...], msgspec.Meta(min_length=1)]
 _EndValue = Annotated[float, msgspec.Meta(gt=0, lt=0.5)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e12)]
 
@@ -43,7 +43,7 @@ class ColumnsOptions(StageOptions, frozen=True):
         at_rest: Output for a finger without contact: ``silent``, or the ``law`` at value 0, as printed.
         rows: ``alike``: all rows of a column show the same; ``bar``: the rows are lit from below in proportion.
         saturate: Whether a value above its maximum counts as the maximum; as printed the law goes on.
-        fingers: Finger that each column shows, from the wearer's left.
+        fingers: Finger that each column shows, from the wearer's left, or a list of fingers: the strongest is shown.
     """
 
     front: str = "cci"
@@ -57,13 +57,14 @@ class ColumnsOptions(StageOptions, frozen=True):
     at_rest: Literal["silent", "law"] = "silent"
     rows: Literal["alike", "bar"] = "alike"
     saturate: bool = False
-    fingers: _Columns = cast("_Columns", FINGERS)
+    fingers: FingerColumns = FINGERS
 
 
 class ColumnsMapping(Mapping):
     """A finger a column; one value in front, another at the back; every row of a column alike.
 
-    Raises ``ConfigError`` for a value without a maximum, a finger named twice, or too few columns.
+    A motor of a column with several fingers shows the strongest of them. Raises ``ConfigError`` for a value without a
+    maximum, a finger named twice, a finger in no column, or too few columns.
     """
 
     summary: ClassVar[str] = "a column a finger: CCI in front, EDA at the back (Eq 7 to 9)"
@@ -71,16 +72,20 @@ class ColumnsMapping(Mapping):
 
     def __init__(self, setup: VestSetup, options: ColumnsOptions) -> None:
         self._options = options
-        columns = finger_columns(setup, options.fingers)
-        self._fingers = tuple(columns.values())
+        self._columns_of = finger_columns(setup, options.fingers)
+        self._fingers = tuple(self._columns_of)
         motors, rows = setup.layout.motors, setup.layout.rows
-        # Of each motor: which of the fingers' values it shows, front and back in turn, or the 0 behind them all.
-        self._displayed = np.array(
+        # Of each motor: which of the fingers' values it shows, front and back in turn, and the 0 behind them all.
+        displayed = [
             [
-                2 * motor.column + (motor.face == "back") if motor.column in columns else 2 * len(columns)
-                for motor in motors
+                2 * n + (motor.face == "back")
+                for n, finger in enumerate(self._fingers)
+                if self._columns_of[finger] == motor.column
             ]
-        )
+            for motor in motors
+        ]
+        most, nothing = max(1, *map(len, displayed)), 2 * len(self._fingers)
+        self._displayed = np.array([of + [nothing] * (most - len(of)) for of in displayed]).T
         # And the rows of its face, and how many motors are under it.
         self._rows = np.array([rows(motor.face) for motor in motors])
         self._below = np.array([rows(motor.face) - 1 - motor.row for motor in motors])
@@ -120,10 +125,10 @@ class ColumnsMapping(Mapping):
     ) -> NDArray[np.float64]:
         """Return percents of the fingers' columns, front and back in turn, and a 0 behind them all."""
         values = np.zeros(2 * len(self._fingers) + 1)
-        for column, finger in enumerate(self._fingers):
+        for n, finger in enumerate(self._fingers):
             contact = contacts.get(finger)
             if contact is not None:
-                values[2 * column], values[2 * column + 1] = self.columns(finger, contact)
+                values[2 * n], values[2 * n + 1] = self.columns(finger, contact)
         return values
 
     def _spread(
@@ -132,7 +137,8 @@ class ColumnsMapping(Mapping):
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
         """Return the level of every motor from the fingers' values."""
-        levels = values.take(self._displayed)
+        of_each = values.take(self._displayed)
+        levels: NDArray[np.float64] = of_each[0] if len(of_each) == 1 else of_each.max(axis=0)
         if self._options.rows == "bar":
             # A motor is lit by as much of the bar as reaches it.
             levels = 100 * np.minimum(np.maximum(levels / 100 * self._rows - self._below, 0), 1)
@@ -162,22 +168,38 @@ def value_of(contact: Contact, name: str) -> float:
     return float(value)
 
 
-def finger_columns(setup: VestSetup, fingers: Sequence[str] = FINGERS) -> dict[int, str]:
-    """Return the finger that each column of a layout shows, from the wearer's left.
+def finger_columns(setup: VestSetup, fingers: FingerColumns = FINGERS) -> dict[str, int]:
+    """Return the column of a layout that shows each finger, counted from the wearer's left.
 
-    Raises ``ConfigError`` if a finger is named twice, or a finger in use is beyond the layout's columns.
+    Raises ``ConfigError`` as :func:`column_of_each`, or if a finger in use is beyond the layout's columns.
     """
-    if len(set(fingers)) < len(fingers):
-        raise ConfigError(f"stages.mapping.options.fingers = {list(fingers)}: a finger is named twice")
+    columns = column_of_each(fingers, setup.fingers)
     layout = setup.layout
     width = max(layout.columns("front"), layout.columns("back"))
-    for column, finger in enumerate(fingers):
-        if finger in setup.fingers and column >= width:
+    for finger in setup.fingers:
+        if columns[finger] >= width:
             raise ConfigError(
-                f"layout {layout.name!r} has {width} columns: the {finger} would be column {column + 1}",
+                f"layout {layout.name!r} has {width} columns: the {finger} would be column {columns[finger] + 1}",
                 "order stages.mapping.options.fingers so that the fingers in use come first",
             )
-    return dict(enumerate(fingers))
+    return columns
+
+
+def column_of_each(fingers: FingerColumns, in_use: Iterable[str]) -> dict[str, int]:
+    """Return the column of each finger, from 0; ``ConfigError`` if one is named twice, or one in use is not named."""
+    groups = [(group,) if isinstance(group, str) else group for group in fingers]
+    columns = {finger: column for column, group in enumerate(groups) for finger in group}
+    if len(columns) < sum(map(len, groups)):
+        raise ConfigError(f"stages.mapping.options.fingers = {list(fingers)}: a finger is named twice")
+    for finger in in_use:
+        if finger not in columns:
+            raise ConfigError(
+                f"the {finger} is in no column of the vest: stages.mapping.options.fingers = {list(fingers)}",
+                nearest_hint(
+                    finger, columns, "add it to a column, alone or in a list; columns have:", cutoff=0.8
+                ),
+            )
+    return columns
 
 
 def _full(setup: VestSetup, finger: str, face: str, value: str, given: float | None) -> float | None:

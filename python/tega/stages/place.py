@@ -46,11 +46,11 @@ class PlaceMapping(SlipRowMapping):
     """Columns in which only the motors at the contact's place vibrate.
 
     The centroid of the contact (Eq 2) is a share of the image, right and down. A contact that moves down the finger
-    moves along the rows. A face's columns are divided among the fingers in use: with four fingers each has one; with
-    one finger it has all four, and the contact moves across them, too. With d the distance from the place to a motor,
-    in motors, and w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity (``energy``:
-    Israr and Poupyrev 2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact with an
-    unknown centroid is shown by all the finger's motors.
+    moves along the rows. A face's columns are divided among the fingers in use, or lists of fingers: with four each has
+    one; with one finger it has all four, and the contact moves across them, too. With d the distance from the place to
+    a motor, in motors, and w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity
+    (``energy``: Israr and Poupyrev 2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact
+    with an unknown centroid is shown by all the finger's motors.
     """
 
     summary: ClassVar[str] = "the contact's place on the fingertip moves the motors that vibrate"
@@ -60,14 +60,15 @@ class PlaceMapping(SlipRowMapping):
         super().__init__(setup, options)
         self._place = options
         layout = setup.layout
-        in_use = [finger for finger in self._fingers if finger in setup.fingers]
+        in_use = sorted({self._columns_of[finger] for finger in setup.fingers})
         width = {face: layout.columns(face) for face in ("front", "back")}
         self._own_columns = {
             finger: {
                 face: range(n * columns // len(in_use), (n + 1) * columns // len(in_use))
                 for face, columns in width.items()
             }
-            for n, finger in enumerate(in_use)
+            for finger in setup.fingers
+            for n in [in_use.index(self._columns_of[finger])]
         }
         top = int(options.slip_row == "top")
         self._motors = [
@@ -79,9 +80,9 @@ class PlaceMapping(SlipRowMapping):
     def _spread(self, values: NDArray[np.float64], contacts: AnyMapping[str, Contact]) -> NDArray[np.float64]:
         if self._place.blend == "all":
             return super()._spread(values, contacts)
-        levels = np.zeros(len(self._displayed))
-        for column, finger in enumerate(self._fingers):
-            percent = {"front": values[2 * column], "back": values[2 * column + 1]}
+        levels = np.zeros(len(self._rows))
+        for n, finger in enumerate(self._fingers):
+            percent = {"front": values[2 * n], "back": values[2 * n + 1]}
             if finger not in self._own_columns or not any(percent.values()):
                 continue
             contact = contacts.get(finger)

@@ -15,9 +15,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.haptics import FINGERS
 from tega.records import Contact, Event
 from tega.stages.base import Mapping, StageOptions, VestSetup
-from tega.stages.columns import finger_columns
+from tega.stages.columns import FingerColumns, finger_columns
 
 _Percent = Annotated[float, msgspec.Meta(ge=0, le=100)]
 
@@ -32,6 +33,7 @@ class PulsesOptions(StageOptions, frozen=True):
             out.
         duration_s: Duration of a pulse: a small coin motor needs about 0.18 s to reach its full vibration.
         gap_s: Minimum time after a pulse before the same event of the same finger is shown again.
+        fingers: Finger that each column shows, from the wearer's left, or a list of fingers.
     """
 
     contact: _Percent = 70.0
@@ -39,6 +41,7 @@ class PulsesOptions(StageOptions, frozen=True):
     slip: _Percent = 100.0
     duration_s: Annotated[float, msgspec.Meta(ge=0.05, le=1)] = 0.2
     gap_s: Annotated[float, msgspec.Meta(ge=0.1, le=5)] = 0.3
+    fingers: FingerColumns = FINGERS
 
 
 class _Pulse(NamedTuple):
@@ -60,8 +63,14 @@ class PulsesMapping(Mapping):
 
     def __init__(self, setup: VestSetup, options: PulsesOptions) -> None:
         self._options = options
-        self._columns = finger_columns(setup)
-        self._motors = [(motor.face, self._columns.get(motor.column, "")) for motor in setup.layout.motors]
+        self._columns = finger_columns(setup, options.fingers)
+        self._motors = [
+            (index, motor.face, finger)
+            for index, motor in enumerate(setup.layout.motors)
+            for finger, column in self._columns.items()
+            if column == motor.column
+        ]
+        self._n_motors = len(setup.layout.motors)
         self._displayed: list[_Pulse] = []
         self._free_ns: dict[tuple[str, str], int] = {}
         self.n_told = dict.fromkeys(("contact", "slip", "release"), 0)
@@ -73,9 +82,9 @@ class PulsesMapping(Mapping):
         for event in events:
             self._notify(event)
         self._displayed = [pulse for pulse in self._displayed if t_ns < pulse.end_ns]
-        levels = np.zeros(len(self._motors))
+        levels = np.zeros(self._n_motors)
         for pulse in self._displayed:
-            for index, (face, finger) in enumerate(self._motors):
+            for index, face, finger in self._motors:
                 if finger in contacts:
                     displayed = (pulse.front if face == "front" else pulse.back).get(finger, 0.0)
                     levels[index] = max(levels[index], displayed)
@@ -89,7 +98,7 @@ class PulsesMapping(Mapping):
             return
         end_ns = event.t_ns + round(o.duration_s * 1e9)
         self._free_ns[key] = end_ns + round(o.gap_s * 1e9)
-        reported = {finger: level for finger in self._columns.values() if event.finger in {"", finger}}
+        reported = {finger: level for finger in self._columns if event.finger in {"", finger}}
         front = {} if event.kind == "release" else reported
         back = {} if event.kind == "contact" else reported
         self._displayed.append(_Pulse(end_ns, front, back))

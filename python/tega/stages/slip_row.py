@@ -64,7 +64,6 @@ class SlipRowMapping(ColumnsMapping):
         super().__init__(setup, options)
         self.wants_events = options.slip_row != "none"
         self._reported: list[_Reported] = []
-        self._columns_of = {finger: column for column, finger in enumerate(self._fingers)}
         motors, rows = setup.layout.motors, setup.layout.rows
         last = {"bottom": 1, "top": 0}.get(options.slip_row)
         self._spared = np.array(
@@ -80,7 +79,7 @@ class SlipRowMapping(ColumnsMapping):
                     'stages.mapping.options.slip_row = "none"',
                 )
         # The columns have one row less, and a bar stands on what is left of them.
-        self._displayed[self._spared] = 2 * len(self._fingers)
+        self._displayed[:, self._spared] = 2 * len(self._fingers)
         self._rows -= 1
         self._below -= last
         self._below[self._spared] = 0

@@ -74,7 +74,7 @@ class TegaRobot(Seated, Robot):
                 "set arm.mapping.absolute = true and arm.mapping.frame = 'base', or an arm.tracker",
             )
         self._names = {name: known[name] for name in wanted if name in known}
-        self._fingers = list(settings.tactile.in_use())
+        self._fingers = list(settings.tactile)
         # LeRobot starts threads for pictures by the number of cameras.
         self.cameras = dict.fromkeys(self._fingers)
 

@@ -91,7 +91,7 @@ class LabBench:
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
     ) -> None:
         require("foxglove", driver="recording", extra="record")
-        if config.emg is None or not config.tactile.in_use():
+        if config.emg is None or not config.tactile:
             raise InvalidValueError(
                 f"{settings}: a study needs muscles and at least one fingertip",
                 "set [emg] and [tactile.thumb]",

@@ -18,7 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.config import FINGERS
+from tega.config.fingers import in_order
 from tega.errors import RecordingError, TegaError
 from tega.loop.touch import STALE_NS
 from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
@@ -145,7 +145,7 @@ class Reel:
         boot_ns: int | None = None,
     ) -> None:
         self.boot_ns = boot_ns
-        self.fingers = [finger for finger in FINGERS if finger in strips]
+        self.fingers = list(in_order(strips))
         self._strips, self._truth_t_ns, self._truth = strips, truth_t_ns, truth
         self._decoded: dict[str, tuple[int, NDArray[np.uint8] | None]] = {}
 

@@ -270,6 +270,27 @@ def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> Non
     assert (displayed.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
 
 
+@pytest.mark.parametrize(("kind", "options"), [(ColumnsMapping, ColumnsOptions), *KINDS])
+@given(
+    touched=st.dictionaries(st.sampled_from("abcdefgh"), st.tuples(shares, shares, places)),
+    columns=st.permutations("abcdefgh").map(lambda order: tuple(map(tuple, (order[k::4] for k in range(4))))),
+    layout=layouts,
+)
+def test_the_strongest_finger_of_a_column_is_shown(
+    kind: Any, options: Any, touched: Any, columns: Any, layout: str
+) -> None:
+    maxima = dict.fromkeys("abcdefgh", MAXIMA["thumb"])
+
+    def levels(contacts: dict[str, Contact]) -> np.ndarray[Any, Any]:
+        mapping = kind(VestSetup(SHIPPED[layout], tuple(maxima), maxima, None), options(fingers=columns))
+        shown: np.ndarray[Any, Any] = mapping.levels(0, contacts, ())
+        return shown
+
+    contacts = {finger: contact(finger, 0, *how) for finger, how in touched.items()}
+    alone = [levels({finger: one}) for finger, one in contacts.items()]
+    assert levels(contacts).tobytes() == np.maximum.reduce([levels({}), *alone]).tobytes()
+
+
 def test_a_bar_stands_on_the_row_above_the_slips() -> None:
     mapping = SlipRowMapping(setup("paper32"), SlipRowOptions(rows="bar", law="linear"))
     displayed = hold(mapping, 1 / 3).reshape(2, 4, 4)[:, :, 1]

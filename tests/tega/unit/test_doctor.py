@@ -122,8 +122,8 @@ def test_init_of_an_emulated_bench_is_a_run_that_can_start(bench: EmulatedBench,
     settings = tmp_path / "lab.toml"
     bench.write_settings(settings)
     config = load_config(settings, environ={}).config
-    assert list(config.tactile.in_use()) == ["thumb", "index"]
-    assert all(c.baseline is not None and c.baseline.is_file() for c in config.tactile.in_use().values())
+    assert list(config.tactile) == ["thumb", "index"]
+    assert all(c.baseline is not None and c.baseline.is_file() for c in config.tactile.values())
     assert config.calibration.file is not None
     assert load_calibration(config.calibration.file).origin == "made up for the emulated devices"
 

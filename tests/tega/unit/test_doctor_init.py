@@ -62,7 +62,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     path.write_text(lab_settings(looked, name=path.name))
     config = load_config(path, environ={}).config
     # The one that cannot be used goes last, and with six found it has no finger.
-    assert [c.options.serial for c in config.tactile.in_use().values()] == ["D0", "D1", "D2", "D4"]
+    assert [c.options.serial for c in config.tactile.values()] == ["D0", "D1", "D2", "D4"]
     assert config.emg is not None
     assert config.emg.options.value == 'a"b\\c'
     assert config.vest.options.limit == 60

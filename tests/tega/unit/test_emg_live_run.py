@@ -11,7 +11,7 @@ import pytest
 
 from reference.parts import Given, observed
 from tega.config import SessionConfig, check_tree
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.loop.inbox.sources import BlockMeter, SourceReport, grasp_blocks
 from tega.loop.session import run_session
@@ -57,9 +57,7 @@ def _settings(folder: Path, port: str, *, duration_s: float) -> SessionConfig:
     maxima = EmgMaxima(
         kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
     )
-    save_calibration(
-        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), folder / "c.toml"
-    )
+    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), folder / "c.toml")
     tree: dict[str, Any] = {
         "session": {"duration_s": duration_s, "out_dir": str(folder / "out")},
         "calibration": {"file": str(folder / "c.toml")},

@@ -12,7 +12,7 @@ import pytest
 
 from reference.parts import observed
 from tega.config import check_tree
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.devices import registry
 from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, optional
 from tega.errors import CalibrationError
@@ -123,9 +123,7 @@ def alerts_of(tmp_path: Path, hand: str) -> set[str]:
     maxima = EmgMaxima(
         kind="raw", rate_hz=_RATE_HZ, tau=50, channels=("ch1", "ch2", "ch3"), maxima=(1.0, 1.0, 1.0)
     )
-    save_calibration(
-        Calibration(preset="live", origin="a test", tactile=FingerMaxima(), emg=maxima), tmp_path / "c.toml"
-    )
+    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), tmp_path / "c.toml")
     tree = {
         "session": {"duration_s": 1.5, "out_dir": str(tmp_path / hand)},
         "calibration": {"file": str(tmp_path / "c.toml")},

@@ -45,6 +45,13 @@ def test_a_finger_without_fresh_pictures_shows_no_data() -> None:
     assert "no sensor" in lines["ring"]
 
 
+def test_fingers_of_other_names_stand_in_place_of_the_four() -> None:
+    text = screen(VIEW._replace(fingers=("left_palm", "thumb")))
+    assert "left_palm  no sensor" in text
+    assert "thumb" in text
+    assert "ring" not in text
+
+
 def test_state_reason_and_alerts_stand_first() -> None:
     assert set(_STATE_STYLES) == set(STATES)
     assert all(isinstance(meaning(VIEW._replace(state=state)), str) for state in STATES)

@@ -25,7 +25,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, TouchMaxima, save_calibration
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
@@ -127,7 +127,7 @@ def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
         kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
     )
     calibration = Calibration(
-        preset="live", origin="made up", tactile=FingerMaxima(thumb=full, index=full), emg=emg
+        preset="live", origin="made up", tactile={"thumb": full, "index": full}, emg=emg
     )
     save_calibration(calibration, folder / "calibration.toml")
     tree["calibration"] = {"file": str(folder / "calibration.toml")}

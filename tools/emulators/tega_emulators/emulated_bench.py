@@ -15,7 +15,7 @@ from types import TracebackType
 from typing import Self
 
 from tega.config import FINGERS, load_config
-from tega.config.calibration import Calibration, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, TouchMaxima, save_calibration
 from tega.devices import Found, driver_class
 from tega.errors import DeviceUnavailableError
 from tega.loop.maxima import emg_conditions
@@ -123,7 +123,7 @@ class EmulatedBench:
         if self.operator is not None:
             self.operator.write_hidapi(folder / "hidapi")
         config = load_config(file, environ={}).config
-        for finger, section in config.tactile.in_use().items():
+        for finger, section in config.tactile.items():
             self._keep_baseline(finger, section.options, file.parent / baselines[finger])
         # Where a rehearsal's participant reaches them; a press before now would be in the untouched picture.
         (folder / "moves.json").write_text(f'{{"port": {self.moves.port}}}\n', encoding="utf-8")
@@ -136,7 +136,7 @@ class EmulatedBench:
             Calibration(
                 preset=config.session.preset,
                 origin="made up for the emulated devices",
-                tactile=FingerMaxima(**dict.fromkeys(fingers, touch)),
+                tactile=dict.fromkeys(fingers, touch),
                 emg=msgspec.structs.replace(conditions, maxima=(_FULL_UV,) * len(conditions.channels)),
             ),
             file.parent / calibration,

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, TouchMaxima, save_calibration
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.clock import every
@@ -147,7 +147,7 @@ def emulated_lab(
         calibration = Calibration(
             preset=preset,
             origin="emulated devices",
-            tactile=FingerMaxima(**dict.fromkeys(fingers, full)),
+            tactile=dict.fromkeys(fingers, full),
             emg=maxima,
         )
         save_calibration(calibration, folder / "calibration.toml")

@@ -20,7 +20,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import IO, Any, Literal, Self
 
-from tega.config.calibration import Calibration, EmgMaxima, FingerMaxima, TouchMaxima, save_calibration
+from tega.config.calibration import Calibration, EmgMaxima, TouchMaxima, save_calibration
 from tega.errors import DeviceUnavailableError
 from tega.runtime.child_process import end_child, python_command, python_environment
 from tega.runtime.files.toml_text import tree_text
@@ -101,7 +101,7 @@ def write_stations(
     calibration = Calibration(
         preset="live",
         origin="made up for the simulated stations",
-        tactile=FingerMaxima(thumb=full, index=full),
+        tactile={"thumb": full, "index": full},
         emg=maxima,
     )
     save_calibration(calibration, folder / "calibration.toml")

@@ -5,10 +5,9 @@ from __future__ import annotations
 from tega.config.calibration.store import (
     Calibration,
     EmgMaxima,
-    FingerMaxima,
     TouchMaxima,
     load_calibration,
     save_calibration,
 )
 
-__all__ = ["Calibration", "EmgMaxima", "FingerMaxima", "TouchMaxima", "load_calibration", "save_calibration"]
+__all__ = ["Calibration", "EmgMaxima", "TouchMaxima", "load_calibration", "save_calibration"]

@@ -30,6 +30,7 @@ import msgspec
 import tomlkit
 
 from tega.config.errors import explain
+from tega.config.fingers import FingerName, in_order
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import toml_hint, tree_item
@@ -85,15 +86,6 @@ def refused_law(finger: str, maxima: TouchMaxima | None, command: str) -> list[s
     ]
 
 
-class FingerMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """The maxima of each finger; ``None`` for a finger that was not calibrated."""
-
-    thumb: TouchMaxima | None = None
-    index: TouchMaxima | None = None
-    middle: TouchMaxima | None = None
-    ring: TouchMaxima | None = None
-
-
 class EmgMaxima(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Maxima of the EMG channels, and the conditions under which they hold.
 
@@ -118,7 +110,7 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     Attributes:
         preset: The preset they were taken with; the other one's readings have other scales.
         origin: How they came about.
-        tactile: By finger.
+        tactile: By finger; a finger that was not calibrated is missing.
         emg: Maxima of the muscle signal, if there is one.
         format: Always ``tega-calibration``.
         version: Version of the file format.
@@ -126,15 +118,14 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     preset: Literal["paper", "live"]
     origin: str
-    tactile: FingerMaxima = FingerMaxima()
+    tactile: dict[FingerName, TouchMaxima] = msgspec.field(default_factory=dict)
     emg: EmgMaxima | None = None
     format: Literal["tega-calibration"] = "tega-calibration"
     version: Literal[1] = 1
 
     def touch(self, finger: str) -> TouchMaxima | None:
         """Return a finger's maxima; ``None`` if it was not calibrated."""
-        maxima: TouchMaxima | None = getattr(self.tactile, finger)
-        return maxima
+        return self.tactile.get(finger)
 
     def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
         """Refuse a calibration for a run it was not made for.
@@ -240,6 +231,7 @@ def calibration_text(calibration: Calibration) -> str:
     """Return the text that :func:`save_calibration` writes."""
     first = ("format", "version", "preset", "origin")
     fields = msgspec.to_builtins(calibration)
+    fields["tactile"] = in_order(fields["tactile"])
     text = tree_item({name: fields[name] for name in (*first, *fields)})
     for finger, maxima in text["tactile"].items():
         if "cci_max" not in maxima and "eda_max" not in maxima:

@@ -163,7 +163,7 @@ def _run(feed: RecordFeed, recorded: RecordedRun, bus: Bus) -> int:
         ),
         bus=bus,
         guard=RecordedGuard(recorded.newest(Imposed), lambda: recorded.tick_ns),
-        moments=Moments(bus, None if recorded.levels is None else hand),
+        moments=Moments(bus, None if recorded.levels is None else hand, fingers=head.baselines),
         # Without any, slips were detected by touch alone.
         poll_hand=recorded.look if feed.holds(HandLook) else None,
     )

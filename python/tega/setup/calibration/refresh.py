@@ -57,7 +57,7 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     for part in parts:
         if part.startswith("tactile."):
             finger = part.removeprefix("tactile.")
-            section = config.tactile.in_use()[finger]
+            section = config.tactile[finger]
             with driver_class(section.driver, "tactile")(section.options) as source:
                 if folder.record(person, TouchRecord, device_name(source.info)) is None:
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))

@@ -42,7 +42,7 @@ class _KeptBaseline(msgspec.Struct, frozen=True):
 
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
     """Return the parts to calibrate: ``tactile.thumb``, ``emg``, ``vest``, ``arm``; no ``only`` means all."""
-    have = [f"tactile.{finger}" for finger in config.tactile.in_use()]
+    have = [f"tactile.{finger}" for finger in config.tactile]
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
     have += ["arm"] if config.arm is not None and config.arm.tracker is not None else []
@@ -100,7 +100,7 @@ class Calibrating:
     def _section(self, part: str) -> Any:
         kind, _, finger = part.partition(".")
         if kind == "tactile":
-            return self._config.tactile.in_use()[finger]
+            return self._config.tactile[finger]
         if kind == "arm":
             return None if self._config.arm is None else self._config.arm.tracker
         return getattr(self._config, kind)

@@ -81,7 +81,7 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
         if not warnings:
             fine.append(subject)
 
-    for finger, section in config.tactile.in_use().items():
+    for finger, section in config.tactile.items():
         if (record := check(finger, TouchRecord, live_info(section, "tactile"))) is not None:
             warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
     emg = config.emg
@@ -121,7 +121,7 @@ def check_calibration(config: SessionConfig, *, settings: str, now: datetime | N
 
 def _live(config: SessionConfig) -> list[str]:
     """Name the live sources, which need a calibration."""
-    found = [f for f, section in config.tactile.in_use().items() if live_info(section, "tactile") is not None]
+    found = [f for f, section in config.tactile.items() if live_info(section, "tactile") is not None]
     return found + ["EMG"] * (live_info(config.emg, "emg") is not None)
 
 
@@ -149,9 +149,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
     again = f"calibrate again:\n{calibrate_command(settings, 'ID')}"
     try:
         calibration = load_calibration(file)
-        calibration.check_fits(
-            preset=config.session.preset, fingers=config.tactile.in_use(), emg=None, name=file.name
-        )
+        calibration.check_fits(preset=config.session.preset, fingers=config.tactile, emg=None, name=file.name)
     except CalibrationError as error:
         return _about("error" if file.exists() else "missing", error.message, error.hint, again)
     wrong = ""
@@ -164,9 +162,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
     if wrong:
         return _about("error", wrong, again)
     command = calibrate_command(settings, "ID", "touch")
-    refused = [
-        text for one in config.tactile.in_use() for text in refused_law(one, calibration.touch(one), command)
-    ]
+    refused = [text for one in config.tactile for text in refused_law(one, calibration.touch(one), command)]
     if refused:
         return _about("warning", f"{file.name}: {'; '.join(refused)}")
     return _about(
@@ -231,7 +227,7 @@ def cases_of(config: SessionConfig) -> list[DriverCase]:
     """Return the devices that a session's settings name."""
     cases = [
         DriverCase(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
-        for finger, section in config.tactile.in_use().items()
+        for finger, section in config.tactile.items()
     ]
     if config.emg is not None:
         cases.append(DriverCase("emg", "emg", config.emg.driver, config.emg.options))

@@ -15,18 +15,15 @@ from tega.ui.cli.page import run_viewed, view_options
 class _Named(click.ParamType[tuple[str, str]]):
     """FINGER=/TOPIC or emg=/TOPIC, or FINGER=PATH."""
 
-    def __init__(self, value: str, *others: str) -> None:
-        self.name, self._others = f"finger={value}", others
+    def __init__(self, value: str) -> None:
+        self.name = f"finger={value}"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[str, str]:
-        from tega.config import FINGERS
-
-        name, equals, text = str(value).partition("=")
-        if not equals or not text or name not in {*FINGERS, *self._others}:
-            known = " or ".join([", ".join(FINGERS), *self._others])
-            self.fail(f"{value!r} is not {self.name.upper()} with FINGER one of {known}", param, ctx)
+        name, _, text = str(value).partition("=")
+        if not name or not text:
+            self.fail(f"{value!r} is not {self.name.upper()}", param, ctx)
         return name, text
 
 
@@ -50,7 +47,7 @@ class _Named(click.ParamType[tuple[str, str]]):
 @click.option(
     "--topic",
     "topics",
-    type=_Named("/topic", "emg"),
+    type=_Named("/topic"),
     multiple=True,
     help="Topic of a finger's pictures, or of EMG (emg=/TOPIC), in a ROS 2 bag; by default the only one that fits.",
 )

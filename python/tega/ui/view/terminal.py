@@ -12,7 +12,7 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from tega.haptics import CONTACT_RULES, FINGERS, MotorLevels
+from tega.haptics import CONTACT_RULES, MotorLevels
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
 from tega.ui.view.run_state import (
@@ -48,7 +48,7 @@ def _touch(view: LoopView, labels: ContactLabels, *, bar: int) -> Table:
     table = Table(box=None, padding=(0, 1), expand=False)
     for name in ("", "CCI (front) %", "EDA (back) %", "contact"):
         table.add_column(name, no_wrap=True)
-    for finger in FINGERS:
+    for finger in view.fingers:
         contact = view.contacts.get(finger)
         if contact is None:
             table.add_row(finger, Text("no sensor", style="grey50"))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 import numpy as np
 
-from tega.config.calibration import Calibration, FingerMaxima
+from tega.config.calibration import Calibration
 from tega.haptics.motor_layout import find_layout
 from tega.loop.maxima import touch_maxima
 from tega.loop.touch import touch_loop
@@ -72,9 +72,7 @@ def vest_score(
     config, of = variant.config, "calibration"
     if calibration is None:
         maxima = {finger: touch_maxima(list(rows)) for finger, rows in contacts.items()}
-        calibration = Calibration(
-            preset=config.session.preset, origin="of the recording", tactile=FingerMaxima(**maxima)
-        )
+        calibration = Calibration(preset=config.session.preset, origin="of the recording", tactile=maxima)
         of = "recording"
     loop = touch_loop(config, calibration, contacts)
     period_ns = round(1e9 / config.vest.rate_hz)

@@ -139,6 +139,14 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     show_default=True,
     help="Whether the run and the bare clock beside it ask for real-time priority.",
 )
+@click.option(
+    "--fingers",
+    "n_fingers",
+    type=click.IntRange(1, 32),
+    default=4,
+    show_default=True,
+    help="Number of DIGITs; the vest's four columns are shared among them.",
+)
 @json_option
 def loop(
     *,
@@ -148,12 +156,13 @@ def loop(
     most_hz: float | None,
     preset: Literal["paper", "live"],
     realtime: bool,
+    n_fingers: int,
     as_json: bool,
 ) -> None:
     """Run the whole loop in real time on emulated devices and measure how long each stage takes.
 
-    Four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand at 333 Hz and a vest, each emulated in a process of its own on
-    this machine, so the loop has only what they leave of it.
+    Four DIGITs, or --fingers, at 60 Hz, EMG at 1 kHz, an Allegro Hand at 333 Hz and a vest, each emulated in a process
+    of its own on this machine, so the loop has only what they leave of it.
 
     \b
     --json prints one object:
@@ -184,6 +193,7 @@ def loop(
         most_hz=most_hz,
         preset=preset,
         realtime=realtime,
+        n_fingers=n_fingers,
     )
     if as_json:
         echo_json(msgspec.to_builtins(report))

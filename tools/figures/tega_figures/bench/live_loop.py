@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from tega.config import FINGERS, Pace, check_tree
+from tega.config import Pace, check_tree
 from tega.loop.pacing import LATE_EDGES_NS
 from tega_figures.bench.beside import processor_s
 from tega_figures.bench.machine import Machine, describe_machine
@@ -79,22 +79,26 @@ def bench_loop(
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
     realtime: bool = True,
+    n_fingers: int = 4,
 ) -> LoopBench:
-    """Run four DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
+    """Run DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
-    With ``record`` the run is recorded and its tables are written as well. ``pace`` is ``vest.pace`` of a
-    session's settings; ``most_hz`` is the greatest rate of the vest's link, ``None`` for the driver's own.
-    ``realtime`` is whether run and witness ask for real-time priority.
+    The ``n_fingers`` DIGITs share four columns of the vest. With ``record`` the run is recorded and its tables are
+    written as well. ``pace`` is ``vest.pace`` of a session's settings; ``most_hz`` is the greatest rate of the vest's
+    link, ``None`` for the driver's own. ``realtime`` is whether run and witness ask for real-time priority.
     """
     from tega.loop.session import run_session
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
 
+    fingers = [f"finger_{number}" for number in range(1, n_fingers + 1)]
     with tempfile.TemporaryDirectory(prefix="tega-bench-") as name:
         folder = Path(name)
         with emulated_lab(
-            folder, emg_hz=EMG_HZ, hand="network", vest=True, fingers=FINGERS, touch=PRESSED, preset=preset
+            folder, emg_hz=EMG_HZ, hand="network", vest=True, fingers=fingers, touch=PRESSED, preset=preset
         ) as lab:
             lab.tree["session"] = {"duration_s": seconds, "preset": preset, "realtime": realtime}
+            columns = [column for k in range(4) if (column := fingers[k::4])]
+            lab.tree["stages"] = {"mapping": {"options": {"fingers": columns}}}
             lab.tree["vest"]["pace"] = pace
             if most_hz is not None:
                 lab.tree["vest"]["options"]["most_hz"] = most_hz

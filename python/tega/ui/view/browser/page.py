@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
+from tega.haptics import FINGERS
 from tega.ui.view.browser.charts import CourseChart, Delays, MuscleCharts
 from tega.ui.view.browser.pictures import CameraPictures, TouchSheet, cameras_html, picture_html
 from tega.ui.view.browser.scene import Point, Scene
@@ -170,7 +171,7 @@ class Page:
         sheet = filmed = None
         if turn == 0:
             if state.images:
-                sheet = picture_html(self._sheet.draw(state.images), _SHEET)
+                sheet = picture_html(self._sheet.draw(state.images, state.loop.fingers), _SHEET)
             filmed = cameras_html(state.cameras)
             self.timeline.keep(state, sheet, filmed)
         past = self.paint_past()
@@ -202,7 +203,8 @@ class Page:
         self.scene.draw(state.shapes, state.poses, state.contact_points, commanded)
 
     def _torso(self, state: ViewState) -> str:
-        return vest_svg(state.loop.vest, can_try=self._controls.try_motor is not None)
+        names = FINGERS if state.loop.fingers == FINGERS else "1234"
+        return vest_svg(state.loop.vest, names=names, can_try=self._controls.try_motor is not None)
 
     def _paint_touch(self, captions: str, vest: str) -> None:
         if self._ended:

@@ -1,10 +1,10 @@
-"""Draw pictures: four fingertips in one, with touch maps and Fig 3's marks, and the scene cameras' below each other."""
+"""Draw pictures: the fingertips in one, with touch maps and Fig 3's marks, and the scene cameras' below each other."""
 
 from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.haptics import FINGERS
-from tega.ui.view.browser.state_html import FONT
+from tega.ui.view.browser.state_html import FONT, TILES
 
 if TYPE_CHECKING:
     import viser
@@ -32,7 +32,7 @@ _PEAK_RADIUS_PX = 5.0
 
 
 class TouchSheet:
-    """Draws the fingers' pictures side by side, thumb first.
+    """Draws the fingers' pictures side by side, thumb first, four a line.
 
     A touch map is the metric's own, grey, white being the most this finger has shown so far: depth with ``live``,
     pressure with ``paper``. Green circle: the peak. Blue line: the border of the pixels that EDA counts. Where there is
@@ -42,14 +42,16 @@ class TouchSheet:
     def __init__(self) -> None:
         self._white: dict[tuple[str, str], float] = {}
 
-    def draw(self, images: Mapping[str, TouchImage]) -> NDArray[np.uint8]:
-        """Return the sheet, uint8 (326, 498, 3), RGB; a finger without a picture is two grey tiles."""
-        width = len(FINGERS) * (TILE_WIDTH + GAP) - GAP
-        sheet = np.full((2 * TILE_HEIGHT + GAP, width, 3), _PAPER, np.uint8)
-        for column, finger in enumerate(FINGERS):
-            left = column * (TILE_WIDTH + GAP)
-            upper = sheet[:TILE_HEIGHT, left : left + TILE_WIDTH]
-            lower = sheet[TILE_HEIGHT + GAP :, left : left + TILE_WIDTH]
+    def draw(self, images: Mapping[str, TouchImage], fingers: Sequence[str] = FINGERS) -> NDArray[np.uint8]:
+        """Return the sheet, uint8 (332 n - 6, 498, 3) of n lines, RGB; a finger without a picture is two grey tiles."""
+        n_rows, width = -(-len(fingers) // TILES), TILES * (TILE_WIDTH + GAP) - GAP
+        sheet = np.full((2 * n_rows * (TILE_HEIGHT + GAP) - GAP, width, 3), _PAPER, np.uint8)
+        for place, finger in enumerate(fingers):
+            line, column = divmod(place, TILES)
+            top, left = 2 * line * (TILE_HEIGHT + GAP), column * (TILE_WIDTH + GAP)
+            upper = sheet[top : top + TILE_HEIGHT, left : left + TILE_WIDTH]
+            top += TILE_HEIGHT + GAP
+            lower = sheet[top : top + TILE_HEIGHT, left : left + TILE_WIDTH]
             if (image := images.get(finger)) is None:
                 upper[...] = lower[...] = _NO_SENSOR
                 continue

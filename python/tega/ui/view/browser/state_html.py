@@ -6,7 +6,6 @@ from html import escape
 from itertools import zip_longest
 from typing import TYPE_CHECKING, Final
 
-from tega.haptics import FINGERS
 from tega.loop.touch import STALE_NS
 from tega.runtime.words import number_text
 from tega.ui.view.browser.scene import GHOST_COLOUR
@@ -100,6 +99,9 @@ _STATE_COLOURS = {
 }
 _ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
 PAUSED: Final = "#495057"
+TILES: Final = 4
+"""Fingers side by side in a line of captions and pictures."""
+
 FONT: Final = "font-family:system-ui,sans-serif;font-size:12px;color:#343a40"
 
 LEGEND: Final = (
@@ -159,7 +161,7 @@ def lights_html(state: ViewState) -> str:
     loop = state.loop
     ended = loop.state == "stopped"
     seen: dict[str, bool | None] = {}
-    for finger in FINGERS:
+    for finger in loop.fingers:
         contact = loop.contacts.get(finger)
         seen[finger] = None if contact is None else state.t_ns - contact.t_ns <= STALE_NS
     seen["muscles"] = None if loop.intent is None else state.t_ns - loop.intent.t_ns <= SILENT_NS
@@ -238,9 +240,9 @@ def _device_lines(loop: LoopView) -> str:
 
 
 def captions_html(state: ViewState, labels: ContactLabels) -> str:
-    """Return the contact of each finger as a caption under its name."""
+    """Return the contact of each finger as a caption under its name, four a line."""
     cells = []
-    for finger in FINGERS:
+    for finger in state.loop.fingers:
         contact = state.loop.contacts.get(finger)
         if contact is None:
             text = '<span style="color:#adb5bd">no sensor</span>'
@@ -261,7 +263,8 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
             f"<b>{finger}</b><br>{text}</td>"
         )
     style = f"{FONT};width:100%;table-layout:fixed;margin-top:-10px;padding:0 8px"
-    return f'<table style="{style}"><tr>{"".join(cells)}</tr></table>'
+    lines = "</tr><tr>".join("".join(cells[k : k + TILES]) for k in range(0, len(cells), TILES))
+    return f'<table style="{style}"><tr>{lines}</tr></table>'
 
 
 def rates_html(rates_hz: dict[str, float], latency: str = "") -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from tega.haptics import MotorLevels
+from collections.abc import Sequence
+
+from tega.haptics import FINGERS, MotorLevels
 from tega.ui.view.figures import FINGER_COLOURS
 
 _WIDTH, _PITCH_X, _PITCH_Y, _TOP, _LEFT = 360, 32, 22, 46, 42
@@ -13,12 +15,13 @@ TRIED = "tega-tried"
 _N_STEPS = 15
 
 
-def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
+def vest_svg(frame: MotorLevels | None, *, names: Sequence[str] = FINGERS, can_try: bool = False) -> str:
     """Draw the frame that a vest's motors are sent, as SVG; ``None`` without a vest, or if it is off.
 
     It shows the wearer's torso from outside, in front and from behind, so that their left is on the right of
-    the first. The number in a disc is percent; the scale below has the 16 steps that reach a motor. If
-    ``can_try``, a click on a motor asks the server to have it vibrate.
+    the first. ``names`` are those of the columns, from the wearer's left. The number in a disc is percent; the
+    scale below has the 16 steps that reach a motor. If ``can_try``, a click on a motor asks the server to have it
+    vibrate.
     """
     values = [0] * 40 if frame is None else [int(v) for v in frame.intensities]
     half = len(values) // 2
@@ -35,11 +38,20 @@ def vest_svg(frame: MotorLevels | None, *, can_try: bool = False) -> str:
         ' font-family="system-ui, sans-serif" text-anchor="middle">'
     ]
     for title, face, left, turn, first in faces:
-        parts.append(_face(title, face, left, bottom, turn, first=first if can_try else None))
+        parts.append(_face(title, face, left, bottom, turn, names=names, first=first if can_try else None))
     return "".join(parts) + _scale(bottom + 8) + "</svg>"
 
 
-def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, first: int | None) -> str:
+def _face(
+    title: str,
+    values: list[int],
+    left: int,
+    bottom: int,
+    turn: int,
+    *,
+    names: Sequence[str],
+    first: int | None,
+) -> str:
     """Draw a face; ``turn`` is 1 where the wearer's left is on the left, -1 where it is on the right.
 
     ``first`` is the place of its first motor in the frame; ``None`` where a click does nothing.
@@ -56,9 +68,9 @@ def _face(title: str, values: list[int], left: int, bottom: int, turn: int, *, f
     ]
     columns = [left + _LEFT + place * _PITCH_X for place in range(_N_COLUMNS)][::turn]
     colours = list(FINGER_COLOURS.values())
-    for x, (finger, colour) in zip(columns, FINGER_COLOURS.items(), strict=True):
+    for x, name, colour in zip(columns, names, colours, strict=True):
         parts.append(
-            f'<text x="{x}" y="{_TOP - 5}" font-size="8.5" font-weight="600" fill="{colour}">{finger}</text>'
+            f'<text x="{x}" y="{_TOP - 5}" font-size="8.5" font-weight="600" fill="{colour}">{name}</text>'
         )
     for index, value in enumerate(values):
         row, column = divmod(index, _N_COLUMNS)

@@ -1,0 +1,173 @@
+"""A session's fingers are those of its settings: two hands and palms are run, recorded, verified and exported."""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from reference.played import finger
+from reference.sessions import read_recorded
+from reference.sessions import tree as sessions_tree
+from tega.config import FINGERS, SessionConfig, check_tree
+from tega.config.attached import config_text
+from tega.config.calibration import TouchMaxima
+from tega.config.calibration.store import Calibration, calibration_text, parse_calibration
+from tega.errors import CalibrationError, ConfigError
+from tega.haptics.motor_layout import find_layout
+from tega.loop import run_session
+from tega.loop.snapshot import Snapshot
+from tega.recording.export import export_file
+from tega.recording.replay import replay_file
+from tega.records import Contact, Event, Picture
+from tega.records.bus import Bus
+from tega.safety.guard import Guard, Watched
+from tega.stages.base import VestSetup
+from tega.stages.pulses import PulsesMapping, PulsesOptions
+
+SECONDS = 0.5
+PARTS = (*FINGERS, "little", "palm", "palm_edge", "palm_heel")
+names = st.from_regex(r"[a-z][a-z0-9]{0,8}(_[a-z0-9]{1,8}){0,2}", fullmatch=True).filter(
+    lambda name: name not in {*SessionConfig.__struct_fields__, "forearm"}
+)
+
+
+def two_hands(n: int) -> list[list[str]]:
+    """Return so many fingers, in columns: left and right of one kind share a column, further kinds the next ones."""
+    parts = PARTS[: n // 2]
+    return [[f"{side}_{part}" for part in parts[k::4] for side in ("left", "right")] for k in range(4)]
+
+
+def tree(folder: Path, columns: list[list[str]]) -> dict[str, Any]:
+    """Return settings that record these fingers, each of which is pressed by itself."""
+    fingers = sorted(chain(*columns))
+    touch = {name: finger(SECONDS, seed, (40, 32)) for seed, name in enumerate(fingers)}
+    stages = {"mapping": {"options": {"fingers": columns}}}
+    return sessions_tree(folder) | {"tactile": touch, "stages": stages}
+
+
+@pytest.fixture(scope="module", params=[8, 16])
+def recorded(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, list[str]]:
+    """Return a recording of so many fingers, and their names."""
+    columns = two_hands(request.param)
+    folder = tmp_path_factory.mktemp(f"fingers-{request.param}")
+    bus, views = Bus(), list[Snapshot]()
+    bus.subscribe(Snapshot, views.append, name="test")
+    summary = run_session(check_tree(tree(folder, columns), {}, base=folder).config, bus=bus)
+    fingers = sorted(chain(*columns))
+    assert list(summary["tactile"]) == list(views[-1].view.fingers) == fingers
+    assert len(fingers) == request.param
+    return folder / summary["recording"]["file"], fingers
+
+
+def test_every_finger_is_recorded_and_computed_again_bit_for_bit(recorded: tuple[Path, list[str]]) -> None:
+    path, fingers = recorded
+    contacts = read_recorded(path, Contact, Picture).contacts
+    assert sorted(contacts) == fingers
+    assert all(any(contact.front > 0 for contact in rows) for rows in contacts.values())
+    replay = replay_file(path)
+    assert replay.complete
+    rows = {stream.stream: (stream.recorded, stream.differ) for stream in replay.streams}
+    assert {f"/tactile/{name}/{what}" for name in fingers for what in ("image", "contact")} <= set(rows)
+    assert all(recorded and not differ for recorded, differ in rows.values())
+
+
+def test_every_finger_is_exported(recorded: tuple[Path, list[str]], tmp_path: Path) -> None:
+    path, fingers = recorded
+    export_file(path, tmp_path / "out")
+    for name in fingers:
+        with (tmp_path / "out" / f"tactile.{name}.contact.csv").open(newline="") as file:
+            assert len(list(csv.DictReader(file))) == round(SECONDS * 60)
+
+
+def test_every_finger_is_a_camera_of_a_lerobot_dataset(
+    recorded: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    pytest.importorskip("av", reason="needs the extra tega[lerobot]")
+    pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
+    from tega_lerobot.dataset import export_lerobot
+
+    path, fingers = recorded
+    dataset = export_lerobot([path], tmp_path / "dataset", fps=30)
+    features = json.loads((dataset / "meta" / "info.json").read_text())["features"]
+    cameras = {name.removeprefix("observation.images.") for name in features if ".images." in name}
+    assert cameras == set(fingers)
+
+
+@given(st.lists(names, min_size=1, max_size=16, unique=True))
+def test_any_names_are_kept_by_settings_and_calibration(fingers: list[str]) -> None:
+    stages = {"mapping": {"options": {"fingers": [fingers]}}}
+    tactile = {name: {"driver": "synthetic-touch", "options": {"seed": k}} for k, name in enumerate(fingers)}
+    settings = {"tactile": tactile, "stages": stages}
+    loaded = check_tree(settings, {}, base=Path.cwd())
+    assert set(loaded.config.tactile) == set(fingers)
+    again = check_tree(tomllib.loads(config_text(loaded.config)), {}, base=Path.cwd())
+    assert again.config == loaded.config
+    assert all(loaded.values[f"tactile.{name}.options.seed"].value == k for k, name in enumerate(fingers))
+    maxima = {name: TouchMaxima(cci_max=1.0 + k) for k, name in enumerate(fingers)}
+    calibration = Calibration(preset="live", origin="a test", tactile=maxima)
+    assert parse_calibration(calibration_text(calibration), "c.toml") == calibration
+
+
+@pytest.mark.parametrize("name", ["Thumb", "1st", "left-thumb", "left__thumb", "palm_", "a/b", "", "x" * 33])
+def test_a_name_that_no_topic_or_file_can_have_is_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="is no name here") as refused:
+        check_tree({"tactile": {name: {"driver": "synthetic-touch"}}}, {}, base=Path.cwd())
+    assert "lowercase letters" in refused.value.hint
+    text = f'format = "tega-calibration"\npreset = "live"\norigin = ""\n[tactile.{json.dumps(name)}]\n'
+    with pytest.raises(CalibrationError, match="is no name here"):
+        parse_calibration(text, "c.toml")
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, r"the palm is in no column of the vest.*alone or in a list; columns have: thumb"),
+        ({"fingers": [["thumb", "palm"], "palm"]}, "a finger is named twice"),
+        ({"fingers": []}, "length >= 1"),
+    ],
+)
+def test_a_finger_has_one_column(options: dict[str, Any], message: str) -> None:
+    settings = {
+        "tactile": {"palm": {"driver": "synthetic-touch"}},
+        "stages": {"mapping": {"options": options}},
+    }
+    with pytest.raises(ConfigError, match=message):
+        check_tree(settings, {}, base=Path.cwd())
+
+
+def test_an_event_of_any_finger_of_a_column_pulses_there() -> None:
+    columns = (("left_thumb", "right_thumb"), ("left_palm", "right_palm"))
+    fingers = tuple(chain(*columns))
+    for place, name in enumerate(fingers):
+        mapping = PulsesMapping(
+            VestSetup(find_layout("x40"), fingers, {}, None), PulsesOptions(fingers=columns)
+        )
+        contact = Contact(finger=name, t_ns=0, in_contact=True)
+        levels = mapping.levels(0, {name: contact}, [Event(t_ns=0, finger=name, kind="contact")])
+        assert levels.reshape(2, 5, 4).max(axis=(0, 1)).tolist() == [70 * (place // 2 == k) for k in range(4)]
+
+
+def test_a_wrong_value_of_one_finger_names_it() -> None:
+    fingers = {name: {"driver": "synthetic-touch"} for name in ("thumb", "ring")}
+    fingers["ring"]["baseline"] = 3  # type: ignore[assignment]
+    with pytest.raises(ConfigError, match=r"tactile\.ring\.baseline = 3"):
+        check_tree({"tactile": fingers}, {}, base=Path.cwd())
+
+
+def test_a_finger_has_no_name_of_a_device_or_alert() -> None:
+    for name in ("emg", "vest", "forearm"):
+        with pytest.raises(ConfigError, match=rf"tactile\.{name}: something else in a run has that name"):
+            check_tree({"tactile": {name: {"driver": "synthetic-touch"}}}, {}, base=Path.cwd())
+    watched = Watched("clock", "tactile", 60.0, None)  # type: ignore[arg-type]
+    with pytest.raises(ConfigError, match="two things that are watched have the name 'clock'"):
+        Guard(streams=[watched], alerts={"clock": str})
