@@ -54,6 +54,8 @@ class LslEmg(LiveEmg):
 
     name: ClassVar[str] = "lsl-emg"
     unit: ClassVar[str] = "as sent"
+    unseen: ClassVar[str] = "no Lab Streaming Layer stream of type EMG was found"
+    likelihood: ClassVar[int] = 2  # its program was started for it
     summary: ClassVar[str] = "any Lab Streaming Layer stream of numbers"
     extra: ClassVar[str] = EXTRA
     requires: ClassVar[tuple[str, ...]] = ("pylsl",)

@@ -128,6 +128,18 @@ def odd(source: Path, target: Path, spot: float, changes: list[Any], kinds: set[
         writer.finish()
 
 
+def ends_with_errors_however_mutated(reader: Reader, kind: str, n: int, folder: Path) -> None:
+    """Check that a reader ends with an error of TEGA, or none, for so many mutations of its file."""
+    name, make, read = reader
+    whole, rng = make(folder), random.Random(f"{kind} 1")
+    path = folder / "mutated" / name
+    path.parent.mkdir()
+    for _ in range(n):
+        path.write_bytes(mutated(whole, draw_changes(rng)))
+        with contextlib.suppress(TegaError):
+            read(path)
+
+
 def refuses_what_is_no_file(reader: Reader, tmp_path: Path) -> None:
     """Check that a socket, a pipe and a device are refused at once."""
     name, _, read = reader

@@ -207,6 +207,8 @@ OPTIONAL: Final[Mapping[str, Any]] = {
     "confirmed_rest": False,
     "silent": False,
     "target_rad": None,
+    "unseen": "",
+    "likelihood": 0,
 }
 """Optional attributes of drivers, by name, with the defaults for drivers that lack them.
 
@@ -222,7 +224,8 @@ its joint angles are older than its watchdog allows, which disables slip detecti
 that it steers to, float64 (16,), rad, drawn beside the measured ones. A vest: ``reached``, whether
 frames arrive; ``spared``, number of frames skipped because the vest showed them already; ``in_steps``, whether it
 shows only 16 steps; ``condition``, its own status, one line that a run shows; ``battery_percent``, its battery;
-``confirmed_rest``, whether it is closed and has confirmed that its motors rest.
+``confirmed_rest``, whether it is closed and has confirmed that its motors rest. Any driver that looks for devices:
+``unseen``, what it means that it found none; ``likelihood``, the larger the likelier among drivers that found one.
 """
 
 

@@ -83,7 +83,6 @@ def test_every_driver_with_hardware_can_say_what_is_there() -> None:
         "cyton",
         "digit",
         "hid-vest",
-        "lsl-emg",
     }
 
 

@@ -42,7 +42,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
         for n in range(6)
     ]
     board = Found(driver="serial-emg", label="/dev/ttyACM0", options={"port": "/dev/ttyACM0"})
-    stream = Found(driver="lsl-emg", label="amp", options={"by": "source_id", "value": 'a"b\\c'})
+    stream = Found(driver="cyton", label="amp", options={"port": 'a"b\\c'})
     vest = Found(driver="bhaptics-ble", label="X40", options={"address": "AA:BB"})
     hand = Found(
         driver="allegro",
@@ -55,7 +55,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     looked: dict[str, Any] = {
         "digit": DriverProbe("tactile", digits),
         "serial-emg": DriverProbe("emg", [board]),
-        "lsl-emg": DriverProbe("emg", [stream]),
+        "cyton": DriverProbe("emg", [stream]),
         "bhaptics-ble": DriverProbe("vest", [vest]),
         "allegro": DriverProbe("hand", [hand]),
     }
@@ -64,7 +64,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     # The one that cannot be used goes last, and with six found it has no finger.
     assert [c.options.serial for c in config.tactile.values()] == ["D0", "D1", "D2", "D4"]
     assert config.emg is not None
-    assert config.emg.options.value == 'a"b\\c'
+    assert config.emg.options.port == 'a"b\\c'
     assert config.vest.options.limit == 60
     assert (config.hand.options.torque_share, config.hand.options.side) == (0.3, "right")
     text = path.read_text()

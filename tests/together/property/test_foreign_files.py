@@ -18,6 +18,7 @@ from reference.mutated import (
     CHANGE,
     FEW,
     SPOT,
+    ends_with_errors_however_mutated,
     ends_with_errors_of_tega,
     mutated,
     odd,
@@ -59,6 +60,12 @@ def test_a_pipe_a_device_and_a_socket_are_refused_at_once(kind: str, tmp_path: P
 @pytest.mark.parametrize("kind", _SMALL)
 def test_a_file_larger_than_any_of_its_kind_is_refused_unread(kind: str, tmp_path: Path) -> None:
     refuses_a_huge_file(GUEST_READERS[kind], tmp_path)
+
+
+@pytest.mark.parametrize("kind", ["ROS 2 pictures", "ROS 2 arrays"])
+@pytest.mark.parametrize("n", [60, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_a_mutated_bag_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: Path) -> None:
+    ends_with_errors_however_mutated(GUEST_READERS[kind], kind, n, tmp_path)
 
 
 def _scene_at(path: Path) -> None:

@@ -44,6 +44,7 @@ class Cyton(LiveSerialEmg):
     name: ClassVar[str] = "cyton"
     unit: ClassVar[str] = "µV"
     usual_channels: ClassVar[tuple[int, ...]] = (1, 2, 3)
+    likelihood: ClassVar[int] = 1
     summary: ClassVar[str] = "OpenBCI Cyton over its USB dongle, microvolts at 250 Hz"
     options_type: ClassVar[type[Options]] = CytonOptions
     counter_turn: ClassVar[int | None] = 256

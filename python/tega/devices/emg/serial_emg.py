@@ -37,6 +37,7 @@ class SerialEmg(LiveSerialEmg):
 
     name: ClassVar[str] = "serial-emg"
     unit: ClassVar[str] = "as sent"
+    unseen: ClassVar[str] = "there is no USB serial port"
     summary: ClassVar[str] = "a board that prints samples as lines of numbers (Arduino, MyoWare, ...)"
     options_type: ClassVar[type[Options]] = SerialEmgOptions
     free_columns: ClassVar[bool] = True

@@ -83,6 +83,7 @@ class Digit(Drained):
     """
 
     kind: ClassVar[Kind] = "tactile"
+    unseen: ClassVar[str] = "no camera and no USB device has a DIGIT's numbers, 2833:0209"
     summary: ClassVar[str] = "a DIGIT by its serial number, or any camera or stream OpenCV opens"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("cv2",)

@@ -47,6 +47,7 @@ class Allegro(Opened):
     """
 
     kind: ClassVar[Kind] = "hand"
+    unseen: ClassVar[str] = "the kernel lists no CAN interface"
     summary: ClassVar[str] = "Allegro Hand v4 over CAN, steered on the angles it reports"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("can",)

@@ -53,6 +53,8 @@ class BleVest(StreamedVest):
     """
 
     name: ClassVar[str] = "bhaptics-ble"
+    unseen: ClassVar[str] = "no vest was found over Bluetooth"
+    likelihood: ClassVar[int] = 1
     summary: ClassVar[str] = "bHaptics vest over Bluetooth LE, without the vendor's software"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("bleak",)

@@ -49,6 +49,7 @@ class HidVest(StreamedVest):
 
     name: ClassVar[str] = "hid-vest"
     in_steps: ClassVar[bool] = False
+    unseen: ClassVar[str] = "no board with TEGA's reports is on USB"
     summary: ClassVar[str] = (
         "microcontroller on USB with TEGA's own reports (no bHaptics vest is a HID device)"
     )

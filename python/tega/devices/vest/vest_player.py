@@ -26,6 +26,8 @@ class PlayerVest(StreamedVest):
     """
 
     name: ClassVar[str] = "bhaptics-player"
+    unseen: ClassVar[str] = "no Player listens at 127.0.0.1:15881"
+    likelihood: ClassVar[int] = 2
     summary: ClassVar[str] = "bHaptics vest through the vendor's Player (websocket, version 3 or 2)"
     extra: ClassVar[str] = "lab"
     requires: ClassVar[tuple[str, ...]] = ("websockets",)

@@ -12,7 +12,7 @@ import msgspec
 
 from tega.devices import DiscoveringDevice, Found, driver_class, list_drivers
 from tega.devices.at_exit import closes_on_exit, release
-from tega.devices.base import Kind
+from tega.devices.base import Kind, optional
 from tega.devices.fingertip.video_nodes import video_nodes
 from tega.errors import DeviceUnavailableError, MissingExtraError
 from tega.setup.doctor.arm import try_arm, try_input, try_tracker
@@ -68,17 +68,15 @@ ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "v
 
 
 class _Absent(NamedTuple):
-    """Report of a missing kind of device: each driver's result, and the steps to take."""
+    """Report of a missing kind of device, and the steps to take."""
 
     said: str
-    unseen: Mapping[str, str]
     todo: tuple[str, ...]
 
 
 _ABSENT: Final = {
     "digit": _Absent(
         "No DIGIT is plugged in",
-        {"digit": "no camera and no USB device has a DIGIT's numbers, 2833:0209"},
         (
             "plug one in with a cable that carries data (some only charge: lights on, nothing in lsusb), wait 3 s, "
             "look again",
@@ -87,10 +85,6 @@ _ABSENT: Final = {
     ),
     "emg": _Absent(
         "No EMG amplifier was found",
-        {
-            "serial-emg": "there is no USB serial port",
-            "lsl-emg": "no Lab Streaming Layer stream of type EMG was found",
-        },
         (
             "plug the board or dongle in and switch it on (a Cyton's dongle: switch at GPIO 6)",
             "an amplifier with a program of its own: start its stream in that program",
@@ -98,11 +92,6 @@ _ABSENT: Final = {
     ),
     "vest": _Absent(
         "No vest answers",
-        {
-            "bhaptics-player": "no Player listens at 127.0.0.1:15881",
-            "bhaptics-ble": "no vest was found over Bluetooth",
-            "hid-vest": "no board with TEGA's reports is on USB",
-        },
         (
             "through the vendor's software: start the bHaptics Player and pair the vest in it",
             "by Bluetooth: switch the vest on, and close the Player and the phone's app, which would hold it",
@@ -110,7 +99,6 @@ _ABSENT: Final = {
     ),
     "allegro": _Absent(
         "There is no CAN bus, so no Allegro Hand",
-        {"allegro": "the kernel lists no CAN interface"},
         (
             "plug the CAN adapter in, then:\n"
             "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100\n"
@@ -273,8 +261,9 @@ def _packages(looked: Mapping[str, DriverProbe]) -> list[Finding]:
 
 
 def _absent(check: str, looked: Mapping[str, DriverProbe]) -> Finding:
-    text, unseen, todo = _ABSENT[check]
-    reasons = [subject for name, subject in unseen.items() if name in looked and not looked[name].could_not]
+    text, todo = _ABSENT[check]
+    searched = [name for name, there in looked.items() if not there.could_not]
+    reasons = [unseen for name in searched if (unseen := optional(driver_class(name), "unseen"))]
     if check == "digit" and (others := ", ".join(f"{c.device} ({c.name})" for c in video_nodes())):
         reasons.append(f"other cameras there are: {others}")
     could_not = [there for there in looked.values() if there.could_not and not there.lacks_package]

@@ -10,7 +10,8 @@ from typing import Any
 import tomlkit
 
 from tega.config import FINGERS
-from tega.devices import Found
+from tega.devices import Found, driver_class
+from tega.devices.base import optional
 from tega.runtime.files.toml_text import toml_item, toml_value, tree_text
 from tega.setup.doctor.bench import DriverProbe
 
@@ -44,7 +45,7 @@ _NO_FINGER = """
 
 _NO_EMG = """
 # [emg]                           # no amplifier was found
-# driver = "cyton"                # cyton, chords, spiker, serial-emg, lsl-emg: docs/device-emg.md
+# driver = "cyton"                # cyton, chords, spiker, serial-emg and others: docs/device-emg.md
 # kind = "raw"                    # type of signal: raw, rectified, envelope
 # options = { port = "/dev/ttyUSB0" }
 """
@@ -121,8 +122,6 @@ _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {
         "torque_share": (0.3, "share of the torque limits; raise it when all is well"),
     },
 }
-# Which of several drivers that found something is the likelier one.
-_PREFERRED = ("lsl-emg", "cyton", "bhaptics-player", "bhaptics-ble")
 
 
 def lab_settings(
@@ -187,8 +186,11 @@ def _found(looked: Mapping[str, DriverProbe], kind: str, driver: str | None = No
     """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
     found = [one for there in looked.values() if there.kind == kind for one in there.found]
     found = [one for one in found if driver in {None, one.driver}]
-    rank = {name: place - len(_PREFERRED) for place, name in enumerate(_PREFERRED)}
-    return sorted(found, key=lambda one: (bool(one.problem), rank.get(one.driver, 0), not one.options))
+
+    def order(one: Found) -> tuple[bool, int, bool]:
+        return bool(one.problem), -optional(driver_class(one.driver), "likelihood"), not one.options
+
+    return sorted(found, key=order)
 
 
 def _section(table: str, found: Found, more: str) -> str:
