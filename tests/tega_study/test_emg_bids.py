@@ -18,9 +18,9 @@ pytest.importorskip("edfio", reason="needs the extra formats")
 
 import edfio
 
-from reference.clipped import LEAD_NS, LENGTH_NS, clipped_study, planned
+from reference.clipped import LEAD_NS, LENGTH_NS
 from reference.command import call
-from reference.sessions import record, rewritten
+from reference.sessions import rewritten
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega_study.emg_bids.dataset import export_bids
@@ -28,14 +28,9 @@ from tega_study.emg_bids.signal import read_muscles, write_edf
 from tega_study.privacy import withdraw
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return record(tmp_path_factory.mktemp("recorded"), lossless=False)
-
-
 @pytest.fixture
-def folder(tmp_path: Path, recording: Path) -> Path:
-    return clipped_study(tmp_path / "study", planned(), recording)
+def folder(tmp_path: Path, clipped: Path) -> Path:
+    return Path(shutil.copytree(clipped, tmp_path / "study"))
 
 
 def table(path: Path) -> list[dict[str, str]]:

@@ -35,15 +35,9 @@ from tega_study.score.clips_coded import take_clips
 from tega_study.score.recorded import RecordedTrial, read_reel, recorded_trials
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Record a second and a half of made-up input: two fingertips, muscles, hand and vest."""
-    return record(tmp_path_factory.mktemp("recorded"), lossless=False)
-
-
 @pytest.fixture
-def folder(tmp_path: Path, recording: Path) -> Path:
-    return clipped_study(tmp_path / "study", planned(), recording)
+def folder(tmp_path: Path, clipped: Path) -> Path:
+    return Path(shutil.copytree(clipped, tmp_path / "study"))
 
 
 def test_clips_are_blind_and_in_an_order_of_their_own(folder: Path, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,7 @@ import pytest
 pytest.importorskip("foxglove")
 
 
-from reference.clipped import PEOPLE, S, clipped_study, coded, planned
-from reference.sessions import record
+from reference.clipped import PEOPLE, S, coded
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR
@@ -24,15 +24,9 @@ from tega_study.score.clips import key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Record a second and a half of made-up input: two fingertips, muscles, hand and vest."""
-    return record(tmp_path_factory.mktemp("recorded"), lossless=False)
-
-
 @pytest.fixture
-def folder(tmp_path: Path, recording: Path) -> Path:
-    return clipped_study(tmp_path / "study", planned(), recording)
+def folder(tmp_path: Path, clipped: Path) -> Path:
+    return Path(shutil.copytree(clipped, tmp_path / "study"))
 
 
 def decide(verdicts: dict[str, Any]) -> Any:

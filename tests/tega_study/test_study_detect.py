@@ -114,6 +114,7 @@ def test_a_rig_without_joints_or_height_has_no_certain_slips_and_reports_say_so(
     assert all(one.confidence < 0.5 for one in by_touch if one.kind == "slip")
 
 
+@pytest.mark.slow
 def test_accounts_without_a_common_event_say_why(folder: Path, tmp_path: Path) -> None:
     here = Path(shutil.copytree(folder, tmp_path / "study"))
     with Journal(events_path(here, "p01")) as journal:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import Journal, events_path, read_events
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
@@ -124,15 +124,6 @@ os.kill(os.getpid(), signal.SIGKILL)
         assert state.status[1] == "aborted_technical"
         same_block = [trial.trial for trial in plan.of("p01") if trial.block == 1]
         assert state.next == ((same_block[1], 1) if len(same_block) > 1 else (1, 2))
-
-
-def test_one_program_at_a_time_writes_a_session(tmp_path: Path) -> None:
-    pytest.importorskip("fcntl")
-    with (
-        Journal(tmp_path / "events.jsonl"),
-        pytest.raises(DeviceUnavailableError, match="has this session open"),
-    ):
-        Journal(tmp_path / "events.jsonl")
 
 
 def test_events_that_were_taken_out_are_noticed(tmp_path: Path) -> None:

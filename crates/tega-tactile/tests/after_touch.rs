@@ -79,7 +79,7 @@ fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
                 let frame = finger.frame(1.0, |_| 1.0);
                 assert!(update(&mut tracker, &frame).in_contact || k < 2, "{number} {noise}: {k}");
             }
-            for k in 0..1200 {
+            for k in 0..750 {
                 let since_s = f64::from(k) / RATE_HZ;
                 // A touch of a third of the depth while the leftover fades.
                 let again = (12.0..13.0).contains(&since_s);
@@ -154,11 +154,27 @@ fn a_burst_of_darkness_begins_no_contact_and_ends_none() {
 
 /// Moves blocks of 16 x 16 pixels to whole multiples of a step, as a picture that is compressed strongly has them.
 fn stepped(frame: &Array3<u8>, step: f32) -> Array3<u8> {
+    let row = 3 * frame.dim().1;
     let mut stepped = frame.clone();
-    for mut block in stepped.exact_chunks_mut((16, 16, 1)) {
-        let mean = block.iter().map(|v| f32::from(*v)).sum::<f32>() / block.len() as f32;
-        let by = (mean / step).round() * step - mean;
-        block.mapv_inplace(|v| (f32::from(v) + by).round() as u8);
+    for rows in stepped.as_slice_mut().unwrap().chunks_exact_mut(16 * row) {
+        for left in (0..row).step_by(16 * 3) {
+            let mut sums = [0.0; 3];
+            for line in rows.chunks_exact(row) {
+                for pixel in line[left..left + 16 * 3].chunks_exact(3) {
+                    for (sum, value) in sums.iter_mut().zip(pixel) {
+                        *sum += f32::from(*value);
+                    }
+                }
+            }
+            let by = sums.map(|sum| (sum / 256.0 / step).round() * step - sum / 256.0);
+            for line in rows.chunks_exact_mut(row) {
+                for pixel in line[left..left + 16 * 3].chunks_exact_mut(3) {
+                    for (value, by) in pixel.iter_mut().zip(by) {
+                        *value = (f32::from(*value) + by).round() as u8;
+                    }
+                }
+            }
+        }
     }
     stepped
 }
@@ -169,7 +185,7 @@ fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
     for seed in 0..12 {
         let mut finger = Finger::new(seed, 0.3);
         let mut tracker = finger.tracker();
-        for k in 0..900 {
+        for k in 0..450 {
             let frame = stepped(&finger.still(), 1.5);
             // Before, how much the rest jumps is not known yet.
             alarms += usize::from(update(&mut tracker, &frame).in_contact && k >= 150);
@@ -180,7 +196,7 @@ fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
         }
     }
     // Under 1 % of the frames; by the mean of the rest alone, 15 %.
-    assert!(alarms < 90, "{alarms}");
+    assert!(alarms < 36, "{alarms}");
 }
 
 #[test]

@@ -24,7 +24,6 @@ from tega.recording.mcap_reader import Plan, RawMessage
 from tega.recording.mcap_schemas import decoder
 from tega.recording.opened import PictureTopic
 from tega.recording.record_columns import channel_columns, find_kind
-from tega.records import Contact
 from tega.records.types import record_types
 
 CONTACT = "/tactile/thumb/contact"
@@ -353,12 +352,6 @@ def test_a_folder_s_unfinished_file_is_finished_first(tmp_path: Path) -> None:
     assert [file.name for file in recording.files] == ["trial-001.mcap", "trial-002.mcap"]
     assert len(recording[CONTACT]) == 180
     assert SessionFolder(tmp_path / "session").index()["trials"][1]["state"] == "recovered"
-
-
-def test_older_contacts_are_read_as_the_newest_version(lossless: Path) -> None:
-    contact = tega.open_recording(lossless)[CONTACT][30]
-    assert isinstance(contact, Contact)
-    assert contact.finger == "thumb"
 
 
 def test_an_export_and_the_topics_name_their_columns_alike(lossless: Path, tmp_path: Path) -> None:

@@ -103,7 +103,9 @@ def mean_and_noise(
     total, squares = pictures[0].astype(np.float64), np.zeros(3)
     for before, after in pairwise(pictures):
         total += after
-        squares += ((after.astype(np.float64) - before) ** 2).mean(axis=(0, 1))
+        # In whole numbers, and along rows first: numpy adds three colours a pixel seven times as slowly.
+        difference = after.astype(np.int32) - before
+        squares += (difference * difference).sum(axis=0).sum(axis=0) / (after.shape[0] * after.shape[1])
     # Two neighbours differ by the noise of both.
     noise: NDArray[np.float64] = np.sqrt(squares / (2 * (len(pictures) - 1)))
     return np.rint(total / len(pictures)).astype(np.uint8), noise

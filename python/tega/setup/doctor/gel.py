@@ -60,16 +60,23 @@ def moving_bands(pictures: Sequence[NDArray[np.uint8]]) -> Bands:
 
     The pictures are uint8 (H, W, 3), at least three of one size, in the order they came.
     """
-    return max(_moving(_gains(pictures, pictures[0], along)) for along in (0, 1))
+    lights = [_light(picture) for picture in pictures]
+    return max(_moving(_gains(lights, lights[0], along)) for along in (0, 1))
 
 
 def standing_bands(pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8]) -> Bands:
     """Measure bands by which the mean of some pictures differs from a baseline, all uint8 (H, W, 3)."""
-    return max(_standing(_gains(pictures, baseline, along)) for along in (0, 1))
+    lights = [_light(picture) for picture in pictures]
+    return max(_standing(_gains(lights, _light(baseline), along)) for along in (0, 1))
+
+
+def _light(picture: NDArray[np.uint8]) -> NDArray[np.int32]:
+    """Return the sum of each pixel's colours, (H, W); ``sum`` over an axis of three is ten times as slow."""
+    return picture[..., 0].astype(np.int32) + picture[..., 1] + picture[..., 2]
 
 
 def _gains(
-    pictures: Sequence[NDArray[np.uint8]], reference: NDArray[np.uint8], along: int
+    lights: Sequence[NDArray[np.int32]], reference: NDArray[np.int32], along: int
 ) -> NDArray[np.float64]:
     """Return how much lighter than the reference the lines of three thirds are, shares, (3, pictures, lines)."""
     length, across = reference.shape[along], reference.shape[1 - along]
@@ -78,9 +85,7 @@ def _gains(
     for part in range(3):
         third = slice(part * across // 3, (part + 1) * across // 3)
         cut = (slice(None), third) if along == 0 else (third, slice(None))
-        lines = [
-            picture[cut].sum(axis=(1 - along, 2), dtype=np.float64) for picture in (reference, *pictures)
-        ]
+        lines = [light[cut].sum(axis=1 - along) for light in (reference, *lights)]
         sums = [np.add.reduceat(one, starts) for one in lines]
         gains.append(np.array(sums[1:]) / np.maximum(sums[0], 1.0) - 1.0)
     return np.array(gains)
