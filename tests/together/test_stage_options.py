@@ -30,7 +30,7 @@ pytestmark = pytest.mark.slow
 
 STAGES = [record for record in list_stages() if record.group != "layout"]
 OPTIONS = [(stage, option.name) for stage in STAGES for option in stage.options]
-SEARCH = settings(max_examples=1000, phases=[Phase.generate], derandomize=True, database=None, deadline=None)
+SEARCH = settings(max_examples=5000, phases=[Phase.generate], derandomize=True, database=None, deadline=None)
 
 
 class Context(NamedTuple):
