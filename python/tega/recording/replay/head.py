@@ -18,7 +18,7 @@ from tega.config.origins import fields_of
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
-from tega.recording.mcap_schemas import VERSIONS
+from tega.recording.mcap_schemas import record_versions
 from tega.recording.origin import LEAD_IN, made_with, span
 from tega.recording.session import FORMAT
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml
@@ -118,7 +118,7 @@ def _refuse_newer(reader: McapReader, versions: Mapping[str, str]) -> None:
     """Refuse records of a later TEGA; other types that are unknown here are those of features."""
     made, later = made_with(reader.metadata)
     for name, version in versions.items():
-        known = VERSIONS.get(name, 0)
+        known = record_versions().get(name, 0)
         if not version.isdecimal() or int(version) > known > 0 or (later and not known):
             raise RecordingError(
                 f"{reader.path.name}: its record {name} has version {version}, this TEGA knows {known or 'none'}",
