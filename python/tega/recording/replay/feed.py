@@ -72,7 +72,7 @@ class RecordFeed:
         ahead: Functions called with every picture, in another thread unless only its cells are needed, those of
             one finger in order. Each returns a function that is called in the reader's thread when the picture is
             published.
-        cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
+        by_cells: Whether the functions need the pictures' cells alone: images are not read, but empty.
         unread: Fields that nobody reads, with what stands for them, of types whose topic names no field.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
@@ -87,7 +87,7 @@ class RecordFeed:
         self.head = read_head(self.reader)
         self.bus = Bus()
         self.ahead: list[Callable[[Picture], Callable[[], object]]] = []
-        self.cells_suffice = False
+        self.by_cells = False
         self.unread: dict[type[Record], dict[str, Any]] = {}
         self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
         self._status = deque[records.RecorderStatus](maxlen=1)
@@ -170,29 +170,30 @@ class RecordFeed:
         messages = chain(self._early, self.reader.in_order(self._wanted))
         if not self._wants(Picture):
             return zip(messages, repeat(None))
-        return compute_ahead(paired(messages), _finger_of, self._compute, quick=self._by_cells)
+        return compute_ahead(
+            paired(messages), self._finger_of, self._compute, quick=lambda _message: self.by_cells
+        )
 
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        return kind is not None and self._wants(kind)
+        unread = self.by_cells and schema in PICTURES
+        return kind is not None and self._wants(kind) and not unread
 
     def _wants(self, kind: type[Record]) -> bool:
         return self.bus.wants(kind) or (kind is Picture and bool(self.ahead))
 
     def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, as a rule ahead; return those to call in its turn."""
-        assert message.image is not None
-        pixels = np.empty((0, 0, 3), np.uint8) if self._by_cells(message) else read_picture(message.image)
+        pixels = np.empty((0, 0, 3), np.uint8) if message.image is None else read_picture(message.image)
         named = _kind_of(message.schema, message.topic)[1]
         picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
         return [*finish, partial(self.bus.publish, picture)] if self.bus.wants(Picture) else finish
 
-    def _by_cells(self, message: Message) -> bool:
-        """Return whether nobody needs more of a picture than its cells."""
-        return (
-            self.cells_suffice and not self.bus.wants(Picture) and bool(getattr(message.value, "cells", b""))
-        )
+    def _finger_of(self, message: Message) -> str:
+        """Return the finger of a picture; ``""`` of everything else, and of one whose image is missing."""
+        there = message.image is not None or (self.by_cells and message.schema == "tega.Frame")
+        return _kind_of(message.schema, message.topic)[1].get("finger", "") if there else ""
 
     def _take(self, message: Message, computed: list[Callable[[], object]] | None) -> None:
         kind, named = _kind_of(message.schema, message.topic)
@@ -203,8 +204,3 @@ class RecordFeed:
                 finish()
         elif message.value is not None and kind is not None:
             self.bus.publish(record_of(kind, message, self.unread.get(kind, named), self.epoch_ns))
-
-
-def _finger_of(message: Message) -> str:
-    """Return the finger of a picture; ``""`` of everything else."""
-    return "" if message.image is None else _kind_of(message.schema, message.topic)[1].get("finger", "")
