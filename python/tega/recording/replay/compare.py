@@ -214,7 +214,7 @@ class Comparing:
 
     def results(self) -> Iterator[Comparison]:
         """Return the comparison of every stream, once both have ended."""
-        self._take(NEVER_NS)
+        self._take(NEVER_NS + 1)
         for topic, compared in self._streams.items():
             # Samples may have been recorded later than what was made of them.
             late = topic == records.Adaptation.topic
