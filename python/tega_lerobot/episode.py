@@ -5,6 +5,7 @@ A scene camera's video is laid on the frames by its time code: each shows the ne
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -38,6 +39,8 @@ _S = 1_000_000_000
 # One wrong time would ask for memory for all the frames up to it.
 _MOST_S = 24 * 3600
 _MARKERS = {"/run/marker", "/markers"}
+# Cells of the pictures, seven kilobytes each: nobody reads them here.
+_FRAMES = re.compile("/tactile/[^/]+/frame")
 
 _BEFORE_S: Final = 1.0
 """A picture older than this at the first frame is none of the episode; likewise at the last."""
@@ -79,7 +82,7 @@ class Episode(NamedTuple):
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
         reader = McapReader(self.path)
         reader.progress = self.progress or reader.progress
-        messages = reader.messages(lambda topic: topic.endswith("/image"))
+        messages = reader.messages(lambda topic: topic.endswith("/image"), every=False)
         decoded = compute_ahead(
             self._shown(messages), lambda one: one.finger, lambda one: read_picture(one.message)
         )
@@ -125,7 +128,7 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
     shapes: dict[str, tuple[int, int]] = {}
     markers: list[EpisodeMarker] = []
     epoch_ns = layout = None
-    for message in reader.messages():
+    for message in reader.messages(lambda topic: not _FRAMES.fullmatch(topic), every=False):
         if epoch_ns is None:
             epoch_ns = int(reader.metadata.get("tega", {}).get("epoch_ns", "0"))
             layout = reader.metadata.get("sources", {})

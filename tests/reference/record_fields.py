@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 import tega
-from tega.recording.mcap_schemas import MESSAGES
+from tega.recording.mcap_schemas import record_messages
 from tega.records import RECORDS
 from tega.records.schema import Part, fields, parts, schema_name
 from tega.runtime.features import having, load_target
@@ -42,7 +42,7 @@ def own_messages() -> dict[str, Part]:
     names = {
         schema_name(part) for kinds in (RECORDS, *own) for kind in kinds for part in (kind, *parts(kind))
     }
-    return {name: kind for name, kind in MESSAGES.items() if name in names}
+    return {name: kind for name, kind in record_messages().items() if name in names}
 
 
 def problems(table: Table, messages: Mapping[str, Part]) -> list[str]:

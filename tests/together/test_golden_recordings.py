@@ -31,7 +31,7 @@ from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import McapReader
-from tega.recording.mcap_schemas import VERSIONS, encoded, schema_bytes
+from tega.recording.mcap_schemas import encoded, record_versions, schema_bytes
 from tega.recording.replay import replay_file
 from tega.recording.session import VERSION
 from tega.records import RECORDS, Contact, EmgSamples, NamedValue, Picture
@@ -150,7 +150,7 @@ def test_every_message_of_an_earlier_version_is_the_beginning_of_todays(golden: 
         assert [f.SerializeToString() for f in fields[name][: len(before)]] == [
             f.SerializeToString() for f in before
         ]
-        assert len(fields[name]) == len(before) or VERSIONS[name] > int(then.get(name, "1")), name
+        assert len(fields[name]) == len(before) or record_versions()[name] > int(then.get(name, "1")), name
 
 
 def test_records_read_from_an_earlier_version_are_written_as_the_same_bytes(golden: Path) -> None:

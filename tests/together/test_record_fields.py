@@ -53,9 +53,9 @@ def test_records_of_an_installed_foreign_feature_are_left_out(site: Path, tmp_pa
     file = tmp_path / "record-fields.json"
     file.write_text(known, encoding="utf-8")
     program = (
-        "import pathlib; from tega.recording.mcap_schemas import MESSAGES; assert 'Grip' in MESSAGES\n"
+        "import pathlib; from tega.recording.mcap_schemas import record_messages; assert 'Grip' in record_messages()\n"
         f"from reference import record_fields as r; r.FILE = pathlib.Path({str(file)!r}); r.update()\n"
-        "assert r.own_messages().keys() == MESSAGES.keys() - {'Grip'}"
+        "assert r.own_messages().keys() == record_messages().keys() - {'Grip'}"
     )
     done = run("-c", program, folder=TESTS, site=site)
     assert done.returncode == 0, done.stderr

@@ -100,9 +100,12 @@ def intensity(
     function: Callable[[float, float], float] = _native.linear_intensity
     if law == "logistic":
         function = partial(_native.logistic_intensity, end_value=end_value)
-    if isinstance(value, (np.ndarray, Sequence)) or isinstance(maximum, (np.ndarray, Sequence)):
-        return each_number(function, value, maximum, dtype=np.float64)
-    return function(cast("float", value), cast("float", maximum))
+    numbers = type(value) is float and type(maximum) is float  # at first sight: nearly always they are
+    if numbers or not (
+        isinstance(value, (np.ndarray, Sequence)) or isinstance(maximum, (np.ndarray, Sequence))
+    ):
+        return function(cast("float", value), cast("float", maximum))
+    return each_number(function, value, maximum, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any, Final, Literal
 
 from tega.errors import ConfigError, RecordingError
+from tega.loop.pacing import settled
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import WHOLE, McapReader, Message, Progress, Within
@@ -33,6 +34,7 @@ _GROWING: Final = {"csv": GrowingCsv, "parquet": GrowingParquet}
 
 
 @reports_damage
+@settled()
 def export_file(
     path: Path,
     folder: Path,

@@ -18,8 +18,12 @@ from tega.runtime.lifecycle import require
 PACKAGE = "tega"
 
 
-def _messages() -> dict[str, Part]:
-    """Return the struct behind every message, those that others are made of first."""
+@cache
+def record_messages() -> Mapping[str, Part]:
+    """Return the struct of each message by its name, those that others are made of first.
+
+    Two records of one shape share a message.
+    """
     found: dict[str, Part] = {}
     for kind in filter(own_schema, record_types()):
         for part in parts(kind):
@@ -28,13 +32,13 @@ def _messages() -> dict[str, Part]:
     return found
 
 
-MESSAGES: Mapping[str, Part] = _messages()
-"""The struct of each message by its name; two records of one shape share a message."""
-
-VERSIONS: Mapping[str, int] = {
-    name: kind.version for name, kind in MESSAGES.items() if issubclass(kind, Record)
-}
-"""Version of each record's message."""
+@cache
+def record_versions() -> Mapping[str, int]:
+    """Return the version of each record's message."""
+    found: dict[str, int] = {}
+    for kind in filter(own_schema, record_types()):
+        found.setdefault(schema_name(kind), kind.version)
+    return found
 
 
 def _protobuf(module: str) -> Any:
@@ -47,7 +51,7 @@ def _file() -> Any:
     pb2 = _protobuf("descriptor_pb2")
     file = pb2.FileDescriptorProto(name="tega/recording.proto", package=PACKAGE, syntax="proto3")
     kinds = pb2.FieldDescriptorProto
-    for name, kind in MESSAGES.items():
+    for name, kind in record_messages().items():
         message = file.message_type.add(name=name)
         for number, text in enumerate(fields(kind), 1):
             label = kinds.LABEL_REPEATED if text.repeated else kinds.LABEL_OPTIONAL
@@ -73,7 +77,7 @@ def schema_bytes() -> bytes:
 
 @cache
 def message_class(name: str) -> Any:
-    """Return the class of a message by its name in :data:`MESSAGES`; needs protobuf."""
+    """Return the class of a message by its name in :func:`record_messages`; needs protobuf."""
     return decoder(f"{PACKAGE}.{name}", schema_bytes())
 
 
@@ -87,7 +91,7 @@ def unit_table() -> dict[str, str]:
     """Return the unit of every field that has one, such as ``Contact.cci``: a table of a recording's head."""
     return {
         f"{name}.{field}": unit
-        for name, kind in MESSAGES.items()
+        for name, kind in record_messages().items()
         if issubclass(kind, Record)
         for field, unit in units(kind).items()
     }

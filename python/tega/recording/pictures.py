@@ -50,14 +50,19 @@ def paired(messages: Iterable[Message]) -> Iterator[Message]:
             yield message
 
 
+def has_cells(height: int, width: int) -> bool:
+    """Return whether a picture of this size, pixels, has sums over cells."""
+    whole = not (height % _SIDE or width % _SIDE)
+    return whole and round(math.hypot(height, width) / _CELLS_PER_DIAGONAL) == _SIDE
+
+
 def cell_sums(image: NDArray[np.uint8], cv2: Any) -> bytes:
     """Return the sums of a picture, uint8 (H, W, 3), over its cells, as bytes.
 
     They are int16, little-endian, (3, cells): the bytes of a pixel, cells row by row. Empty for a picture of
     a size that the metric divides otherwise: only around 320 x 240 are its cells 8 x 8 pixels.
     """
-    height, width = image.shape[:2]
-    if height % _SIDE or width % _SIDE or round(math.hypot(height, width) / _CELLS_PER_DIAGONAL) != _SIDE:
+    if not has_cells(*image.shape[:2]):
         return b""
     corners = cv2.integral(image)[::_SIDE, ::_SIDE]
     sums = np.diff(np.diff(corners, axis=0), axis=1)

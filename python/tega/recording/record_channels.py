@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 
 from tega.hand import JOINT_NAMES
-from tega.recording.mcap_schemas import MESSAGES, PACKAGE, encoded, message_class, schema_bytes
+from tega.recording.mcap_schemas import PACKAGE, encoded, message_class, record_messages, schema_bytes
 from tega.recording.pictures import cell_sums
 from tega.records import Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
 from tega.records.base import VideoPacket
@@ -44,7 +44,7 @@ class RecordChannels:
         self._foxglove = require("foxglove", driver="recording", extra="record")
         self._channels_of = require("foxglove.channels", driver="recording", extra="record")
         self._messages = require("foxglove.messages", driver="recording", extra="record")
-        for kind in MESSAGES:  # now, so that no class is built while the loop runs
+        for kind in record_messages():  # now, so that no class is built while the loop runs
             message_class(kind)
         self._cv2: Any = None
         if not lossless:

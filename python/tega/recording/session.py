@@ -25,7 +25,7 @@ from tega.loop.pacing import LoopReport
 from tega.loop.parts import Part, PartContext, RunStart
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
-from tega.recording.mcap_schemas import VERSIONS, unit_table
+from tega.recording.mcap_schemas import record_versions, unit_table
 from tega.recording.origin import versions
 from tega.recording.recorder_process import RecorderProcess
 from tega.records import End, HandExchange, LogLine, Record
@@ -124,7 +124,7 @@ class Recording(Part):
             },
             "versions": versions(),
             "features": guest_packages(config),
-            "records": {name: str(version) for name, version in VERSIONS.items()},
+            "records": {name: str(version) for name, version in record_versions().items()},
             "units": unit_table(),
             "sources": {name: msgspec.json.encode(info).decode() for name, info in sources.items()},
         }

@@ -25,6 +25,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, TypeVar
 
 import msgspec
@@ -57,7 +58,7 @@ class Bus:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._subscriptions: tuple[_Subscription, ...] = ()
-        self._of: dict[type[msgspec.Struct], tuple[_Subscription, ...]] = {}
+        self._of: dict[type[msgspec.Struct], tuple[Callable[[Any], object], ...]] = {}
         self._backlogs: list[Backlog] = []
         self._failed: dict[str, str] = {}
 
@@ -92,30 +93,29 @@ class Bus:
 
     def publish(self, record: msgspec.Struct) -> None:
         """Deliver a record to all subscribers; whatever a vital one raises is raised here."""
-        for subscription in self._found(type(record)):
-            if subscription.backlog is not None:
-                subscription.backlog.put(self._deliver, subscription, record)
-            elif subscription.vital:
-                subscription.function(record)
-            else:
-                self._deliver(subscription, record)
+        found = self._of.get(type(record))
+        for deliver in self._found(type(record)) if found is None else found:
+            deliver(record)
 
     def problem(self) -> str:
         """Return which subscribers are left out or do not keep up, ``""`` while all is well."""
         lost = [text for backlog in self._backlogs if (text := backlog.problem())]
         return "; ".join([*self._failed.values(), *lost])
 
-    def _found(self, kind: type[msgspec.Struct]) -> tuple[_Subscription, ...]:
-        found = self._of.get(kind)
-        if found is None:
-            with self._lock:
-                found = tuple(
-                    s
-                    for s in self._subscriptions
-                    if issubclass(kind, s.topic) and (s.topic is kind or bool(getattr(kind, "topic", None)))
-                )
-                self._of[kind] = found
+    def _found(self, kind: type[msgspec.Struct]) -> tuple[Callable[[Any], object], ...]:
+        """Return what hands a record of a kind to each of its subscribers, and keep it."""
+        with self._lock:
+            self._of[kind] = found = tuple(
+                self._way_to(s)
+                for s in self._subscriptions
+                if issubclass(kind, s.topic) and (s.topic is kind or bool(getattr(kind, "topic", None)))
+            )
         return found
+
+    def _way_to(self, subscription: _Subscription) -> Callable[[Any], object]:
+        if subscription.backlog is not None:
+            return partial(subscription.backlog.put, self._deliver, subscription)
+        return subscription.function if subscription.vital else partial(self._deliver, subscription)
 
     def _deliver(self, subscription: _Subscription, record: msgspec.Struct) -> None:
         if subscription.left_out:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import io
 import os
 import subprocess
@@ -59,6 +60,7 @@ def main() -> None:
     requested, answers = program_pipes()
     function, arguments = receive_object(requested)
     threading.Thread(target=_end_with, args=(requested,), daemon=True).start()
+    gc.freeze()  # modules and types stay: the collector need not look at them again
     try:
         answers.say("done", function(*arguments))
     except Exception as error:  # who asked raises it

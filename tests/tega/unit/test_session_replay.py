@@ -49,6 +49,19 @@ def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> N
     }
 
 
+@pytest.mark.parametrize("lossless", [True, False])
+def test_the_last_contact_before_a_set_end_is_compared(tmp_path: Path, *, lossless: bool) -> None:
+    """Both last frames, at 983.3 ms, come between the last tick, at 981 ms, and the end."""
+    session = tree(tmp_path / "session", lossless=lossless)
+    session["session"]["duration_s"] = 0.9835
+    summary = run_session(check_tree(session, {}, base=tmp_path).config)
+    found = replay_file(tmp_path / "session" / str(summary["recording"]["file"]))
+    assert found.same
+    for name in ("thumb", "ring"):
+        contacts = stream(found, f"/tactile/{name}/contact")
+        assert (summary["tactile"][name]["frames"], contacts.recorded, contacts.replayed) == (60, 60, 60)
+
+
 def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(lossless: Path, tmp_path: Path) -> None:
     def later(topic: str, log_ns: int) -> int:
         return log_ns + 3600 * 10**9 * (topic == "/run/end")

@@ -131,10 +131,11 @@ class LiveStream(Generic[Item]):
     @property
     def due_ns(self) -> int:
         """Before this time there is nothing to give."""
+        nothing_ns = NEVER_NS if self.ended else self._next_ns
         try:
-            return self._items[0][0].t_ns
-        except IndexError:
-            return NEVER_NS if self.ended else self._next_ns
+            return self._items[0][0].t_ns if self._items else nothing_ns
+        except IndexError:  # closed meanwhile
+            return nothing_ns
 
     def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
         """Add an item, not before the previous one's time.

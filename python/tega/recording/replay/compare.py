@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import zlib
 from bisect import insort
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache, partial
-from operator import attrgetter
+from functools import cache
+from operator import attrgetter, eq
 from typing import Any, NamedTuple
 
 import msgspec
@@ -136,6 +137,17 @@ class Compared:
         self.found.replayed += self.rule.shared
         self._compare(t_ns, *((other, record) if replayed else (record, other)))
 
+    @property
+    def waits(self) -> bool:
+        """Whether any record has no counterpart yet."""
+        return bool(self._waiting)
+
+    def count(self, n_equal: int, last_ns: int) -> None:
+        """Count records that are equal on both sides, the last one of this time."""
+        self.found.recorded += n_equal
+        self.found.replayed += n_equal
+        self.last_recorded_ns = last_ns
+
     def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
         """Note what is on one side only: both are complete up to the tick ``until_ns``.
 
@@ -165,8 +177,8 @@ class Compared:
 
 @cache
 def _compared_fields(kind: type[Record], left_out: frozenset[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return what reads the fields of a record that are compared, and its type."""
-    return attrgetter("__class__", *(name for name in kind.__struct_fields__ if name not in left_out))
+    """Return what reads the fields of a record that are compared, its type and its time."""
+    return attrgetter("__class__", "t_ns", *(name for name in kind.__struct_fields__ if name not in left_out))
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -179,13 +191,16 @@ class Comparing:
     def __init__(self, feed: RecordFeed, bus: Bus) -> None:
         self._feed, self._rules, self._from_ns = feed, _rules(feed.head), feed.head.from_ns
         self._streams: dict[str, Compared] = {}
+        # Those of the recording, which is read ahead, and those of the replay that are not compared yet.
+        self._new: dict[type[Record], tuple[list[Any], list[Any]]] = {}
         for kind in self._rules:
             fingers = feed.head.baselines if "{finger}" in kind.topic else [""]
             for finger in [] if kind in _BESIDE else fingers:
                 self._stream(kind, kind.topic.format(finger=finger))
             if kind is not Picture:
-                feed.bus.subscribe(kind, partial(self._add, replayed=False), vital=True)
-                bus.subscribe(kind, partial(self._add, replayed=True), name="replay", vital=True)
+                recorded, replayed = self._new[kind] = [], []
+                feed.bus.subscribe(kind, recorded.append, vital=True)
+                bus.subscribe(kind, replayed.append, name="replay", vital=True)
         if Picture in self._rules:
             feed.ahead.append(self._add_checksums)
         if SentFrame in self._rules:  # no vest is worn now, which would send what was made
@@ -193,11 +208,13 @@ class Comparing:
 
     def settle(self, t_ns: int) -> None:
         """Compare what is complete at a tick."""
+        self._take(t_ns)
         for compared in self._streams.values():
             compared.settle(t_ns - _LATE_NS)
 
     def results(self) -> Iterator[Comparison]:
         """Return the comparison of every stream, once both have ended."""
+        self._take(NEVER_NS + 1)
         for topic, compared in self._streams.items():
             # Samples may have been recorded later than what was made of them.
             late = topic == records.Adaptation.topic
@@ -213,6 +230,31 @@ class Comparing:
             self._streams[topic] = Compared(topic, self._rules[kind])
         return self._streams[topic]
 
+    def _take(self, t_ns: int) -> None:
+        """Compare what both sides begin with as far as it is equal, and the rest before a tick one by one."""
+        for kind, (recorded, replayed) in self._new.items():
+            n = self._count_equal(kind, recorded, replayed)
+            rest = recorded[n:]
+            recorded[:] = [one for one in rest if one.log_ns >= t_ns]
+            for one in rest:
+                if one.log_ns < t_ns:
+                    self._add(one, replayed=False)
+            for one in replayed[n:]:
+                self._add(one, replayed=True)
+            replayed.clear()
+
+    def _count_equal(self, kind: type[Record], recorded: list[Any], replayed: list[Any]) -> int:
+        """Count the first records of both sides that are equal one by one; return how many."""
+        rule = self._rules[kind]
+        if self._from_ns or any(one.waits for one in self._streams.values() if one.rule is rule):
+            return 0
+        fields, most = _compared_fields(kind, rule.left_out), min(len(recorded), len(replayed))
+        equal = map(eq, map(fields, recorded), map(fields, replayed))
+        n = next((k for k, one in enumerate(equal) if not one), most)
+        for where, count in Counter(one.where for one in recorded[:n]).items():
+            self._stream(kind, where).count(count, recorded[n - 1].t_ns)
+        return n
+
     def _add(self, record: Any, *, replayed: bool) -> None:
         """Add a record to its stream, unless the recording begins later."""
         known_ns = record.log_ns
@@ -223,7 +265,7 @@ class Comparing:
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)
-        self._add(sent, replayed=True)
+        self._new[SentFrame][1].append(sent)
 
     def _add_checksums(self, picture: Picture) -> Callable[[], object]:
         """Return a function that compares the checksum of a picture with that of its pixels as they were taken."""

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache, partial
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -26,6 +26,8 @@ from tega.records.schema import read
 
 # So much earlier than its time a record is taken from the file, since it may be needed by what was stamped before it.
 _AHEAD_NS = 2_000_000_000
+# And so much is read at once.
+_STEP_NS = 100_000_000
 # Logged at the tick at which the loop took it in or made it.
 _TICKED = {Contact, Intent, VestFrame, HandCommand}
 # Ticks are replayed one after the other: over a longer gap a damaged time would keep a replay busy for hours.
@@ -70,7 +72,7 @@ class RecordFeed:
         ahead: Functions called with every picture, in another thread unless only its cells are needed, those of
             one finger in order. Each returns a function that is called in the reader's thread when the picture is
             published.
-        cells_suffice: Whether the functions need no image where a picture's cells are recorded: it is empty.
+        by_cells: Whether the functions need the pictures' cells alone: images are not read, but empty.
         unread: Fields that nobody reads, with what stands for them, of types whose topic names no field.
         epoch_ns: Log time at the start of the session.
         last_tick_ns: Newest tick of any record so far.
@@ -85,7 +87,7 @@ class RecordFeed:
         self.head = read_head(self.reader)
         self.bus = Bus()
         self.ahead: list[Callable[[Picture], Callable[[], object]]] = []
-        self.cells_suffice = False
+        self.by_cells = False
         self.unread: dict[type[Record], dict[str, Any]] = {}
         self.last_tick_ns, self.newest_ns, self.ended = 0, self.head.from_ns, False
         self._status = deque[records.RecorderStatus](maxlen=1)
@@ -93,9 +95,9 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
-        self._messages = compute_ahead(messages, _finger_of, self._compute, quick=self._by_cells)
+        self._messages: Iterator[tuple[Message, list[Callable[[], object]] | None]] | None = None
         self._next: tuple[Message, list[Callable[[], object]] | None] | None = None
+        self._read_ns = -1
         self._end = next(reversed(self.beforehand(records.End)), None)
         self.bus.subscribe(records.RecorderStatus, self._status.append, vital=True)
 
@@ -132,7 +134,10 @@ class RecordFeed:
 
     def read_until(self, t_ns: int) -> None:
         """Read on until everything is there that may be needed up to a time since the start of the session."""
-        next_ns = self._read_to(self.epoch_ns + t_ns + _AHEAD_NS)
+        if t_ns <= self._read_ns:  # asked at every tick
+            return
+        self._read_ns = t_ns + _STEP_NS
+        next_ns = self._read_to(self.epoch_ns + self._read_ns + _AHEAD_NS)
         if (gap_ns := next_ns - self.newest_ns) > _LONGEST_NS:
             raise RecordingError(
                 f"{self.reader.path.name}: nothing was recorded for {gap_ns / 1e9:.0f} s after "
@@ -148,7 +153,9 @@ class RecordFeed:
 
     def _read_to(self, until_ns: int) -> int:
         """Publish what was logged until then; return when the next or last message was, from the session's start."""
-        self._next = self._next or next(self._messages, None)
+        if self._messages is None:
+            self._messages = self._begun()
+            self._next = next(self._messages, None)
         while self._next is not None and (log_ns := self._next[0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
             self._take(*self._next)
@@ -158,24 +165,35 @@ class RecordFeed:
         next_ns = log_ns if self._next is not None else self.reader.until_ns * (not self.reader.cut)
         return next_ns - self.epoch_ns
 
+    def _begun(self) -> Iterator[tuple[Message, list[Callable[[], object]] | None]]:
+        """Return the messages, each with what is to be called in its turn."""
+        messages = chain(self._early, self.reader.in_order(self._wanted))
+        if not self._wants(Picture):
+            return zip(messages, repeat(None))
+        return compute_ahead(
+            paired(messages), self._finger_of, self._compute, quick=lambda _message: self.by_cells
+        )
+
     def _wanted(self, schema: str, topic: str) -> bool:
         kind, _ = _kind_of(schema, topic)
-        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
+        unread = self.by_cells and schema in PICTURES
+        return kind is not None and self._wants(kind) and not unread
+
+    def _wants(self, kind: type[Record]) -> bool:
+        return self.bus.wants(kind) or (kind is Picture and bool(self.ahead))
 
     def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, as a rule ahead; return those to call in its turn."""
-        assert message.image is not None
-        pixels = np.empty((0, 0, 3), np.uint8) if self._by_cells(message) else read_picture(message.image)
+        pixels = np.empty((0, 0, 3), np.uint8) if message.image is None else read_picture(message.image)
         named = _kind_of(message.schema, message.topic)[1]
         picture = read(Picture, message.value, image=pixels, **named)
         finish = [function(picture) for function in self.ahead]
         return [*finish, partial(self.bus.publish, picture)] if self.bus.wants(Picture) else finish
 
-    def _by_cells(self, message: Message) -> bool:
-        """Return whether nobody needs more of a picture than its cells."""
-        return (
-            self.cells_suffice and not self.bus.wants(Picture) and bool(getattr(message.value, "cells", b""))
-        )
+    def _finger_of(self, message: Message) -> str:
+        """Return the finger of a picture; ``""`` of everything else, and of one whose image is missing."""
+        there = message.image is not None or (self.by_cells and message.schema == "tega.Frame")
+        return _kind_of(message.schema, message.topic)[1].get("finger", "") if there else ""
 
     def _take(self, message: Message, computed: list[Callable[[], object]] | None) -> None:
         kind, named = _kind_of(message.schema, message.topic)
@@ -186,8 +204,3 @@ class RecordFeed:
                 finish()
         elif message.value is not None and kind is not None:
             self.bus.publish(record_of(kind, message, self.unread.get(kind, named), self.epoch_ns))
-
-
-def _finger_of(message: Message) -> str:
-    """Return the finger of a picture; ``""`` of everything else."""
-    return "" if message.image is None else _kind_of(message.schema, message.topic)[1].get("finger", "")

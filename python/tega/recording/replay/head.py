@@ -18,8 +18,9 @@ from tega.config.origins import fields_of
 from tega.devices.base import DeviceInfo
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
-from tega.recording.mcap_schemas import VERSIONS
+from tega.recording.mcap_schemas import record_versions
 from tega.recording.origin import LEAD_IN, made_with, span
+from tega.recording.pictures import has_cells
 from tega.recording.session import FORMAT
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml
 
@@ -58,6 +59,13 @@ class Head(msgspec.Struct, frozen=True):
     def lossless(self) -> bool:
         """Whether the pictures are as they were."""
         return self.facts["lossless"] == "true"
+
+    @property
+    def has_cells(self) -> bool:
+        """Whether every picture as large as its baseline stands beside its cells, as in files since version 4."""
+        sizes = [image.shape[:2] for image in self.baselines.values()]
+        since = int(self.versions.get("Frame", "1")) >= 4
+        return since and not self.lossless and all(has_cells(*size) for size in sizes)
 
 
 def read_head(reader: McapReader) -> Head:
@@ -118,7 +126,7 @@ def _refuse_newer(reader: McapReader, versions: Mapping[str, str]) -> None:
     """Refuse records of a later TEGA; other types that are unknown here are those of features."""
     made, later = made_with(reader.metadata)
     for name, version in versions.items():
-        known = VERSIONS.get(name, 0)
+        known = record_versions().get(name, 0)
         if not version.isdecimal() or int(version) > known > 0 or (later and not known):
             raise RecordingError(
                 f"{reader.path.name}: its record {name} has version {version}, this TEGA knows {known or 'none'}",

@@ -73,7 +73,8 @@ class MeasuredFingers:
             feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
         else:
             feed.ahead.append(self._measure)
-            feed.cells_suffice = all(meter.metric.reads_sums for meter in self._meters.values())
+            by_sums = all(meter.metric.reads_sums for meter in self._meters.values())
+            feed.by_cells = head.has_cells and by_sums and not feed.bus.wants(Picture)
 
     def at(self, recorded: Contact) -> Contact | None:
         """Return the contact measured in the picture of a recorded one, ``None`` where there is none."""

@@ -27,6 +27,7 @@ from tega.loop.arm_records import turn_of, with_command
 from tega.loop.hand import ModelledAllegro
 from tega.loop.loop import DualLoop
 from tega.loop.outputs import HandOutput, VestOutput
+from tega.loop.pacing import settled
 from tega.loop.snapshot import Moments, Snapshot
 from tega.loop.touch import touch_loop
 from tega.recording.mcap_reader import Progress
@@ -109,7 +110,8 @@ def replay_file(
     if feed.holds(ArmTurn):
         repeat_turns(feed.bus, head.arm, bus)
     long = feed.reader.until_ns - feed.reader.from_ns > _LONG_NS
-    with nullcontext(list) if measured.again else _begun_errors(path, config, sets, long=long) as errors:
+    again = measured.again
+    with settled(), nullcontext(list) if again else _begun_errors(path, config, sets, long=long) as errors:
         end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
         streams, pictures = list(comparing.results()), errors()
     return Replay(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -41,16 +42,8 @@ class TwoMeans:
 
     def add(self, t_s: float, value: float) -> None:
         """Take in a value; the first one is both means."""
-        self.blend(value, *_shares(max(t_s - self._t_s, 0.0), self._quick_s, self._slow_s))
+        _blend((self,), (value,), *_shares(max(t_s - self._t_s, 0.0), self._quick_s, self._slow_s))
         self._t_s = t_s
-
-    def blend(self, value: float, quick_share: float, slow_share: float) -> None:
-        """Take in a value, with its shares of the new means; the first one is both means."""
-        if math.isnan(self.quick):
-            self.quick = self.slow = value
-        else:
-            self.quick += (value - self.quick) * quick_share
-            self.slow += (value - self.slow) * slow_share
 
     def forget(self) -> None:
         """Restart with the next value."""
@@ -60,6 +53,18 @@ class TwoMeans:
     def change(self) -> float:
         """Change of the quantity lately; 0 before the first value."""
         return 0.0 if math.isnan(self.quick) else self.quick - self.slow
+
+
+def _blend(
+    courses: Sequence[TwoMeans], values: Sequence[float], quick_share: float, slow_share: float
+) -> None:
+    """Take values into courses, with their shares of the new means; a course's first one is both means."""
+    for course, value in zip(courses, values, strict=True):
+        if math.isnan(course.quick):
+            course.quick = course.slow = value
+        else:
+            course.quick += (value - course.quick) * quick_share
+            course.slow += (value - course.slow) * slow_share
 
 
 def _shares(dt_s: float, quick_s: float, slow_s: float) -> tuple[float, float]:
@@ -134,22 +139,20 @@ class FingerTrack:
         self._quick_s, self._slow_s = quick_s, slow_s
         self.touching = False
         self.since_s = self.seen_s = -math.inf
-        self.mass, self.peak, self.area, self.x, self.y = (TwoMeans(quick_s, slow_s) for _ in range(5))
+        self._courses = [TwoMeans(quick_s, slow_s) for _ in range(5)]
+        self.mass, self.peak, self.area, self.x, self.y = self._courses
 
     def add(self, t_s: float, touch: TouchFrame) -> None:
         """Take in a frame."""
         if touch.in_contact != self.touching:
             self.touching, self.since_s = touch.in_contact, t_s
-            for course in (self.mass, self.peak, self.area, self.x, self.y):
+            for course in self._courses:
                 course.forget()
         if touch.in_contact:
             # Since contact began no frame is without it, so that one interval holds for all.
             shares = _shares(max(t_s - self.seen_s, 0.0), self._quick_s, self._slow_s)
-            self.mass.blend(math.log(max(touch.mass, 1.0)), *shares)
-            self.peak.blend(touch.peak, *shares)
-            self.area.blend(math.sqrt(touch.eda), *shares)
-            self.x.blend(touch.x, *shares)
-            self.y.blend(touch.y, *shares)
+            values = math.log(max(touch.mass, 1.0)), touch.peak, math.sqrt(touch.eda), touch.x, touch.y
+            _blend(self._courses, values, *shares)
         self.seen_s = t_s
 
     @property
