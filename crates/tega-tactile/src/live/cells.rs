@@ -106,10 +106,16 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
 #[inline(always)]
 fn sum_rows(rows: &[&[u8]], sums: &mut [u16]) {
     let (eights, rows) = rows.as_chunks::<8>();
-    eights.iter().for_each(|rows| add_rows(rows, sums));
+    for rows in eights {
+        add_rows(rows, sums);
+    }
     let (fours, rows) = rows.as_chunks::<4>();
-    fours.iter().for_each(|rows| add_rows(rows, sums));
-    rows.iter().for_each(|row| add_rows(&[row], sums));
+    for rows in fours {
+        add_rows(rows, sums);
+    }
+    for row in rows {
+        add_rows(&[row], sums);
+    }
 }
 
 /// Adds as many rows, at once, to the sums of their columns.

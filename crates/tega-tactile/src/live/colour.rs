@@ -126,8 +126,8 @@ impl Colour {
             pool(gel, grid, self.cols, pooled);
         }
         let means = sums(&self.gel, cells).map(|sum| sum / cells as f32);
-        for c in 0..3 {
-            self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - means[c]) / GAIN_COUNTS);
+        for (c, mean) in means.iter().enumerate() {
+            self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - mean) / GAIN_COUNTS);
             self.keys.clear();
             self.keys.extend(self.pooled[c].iter().take(cells).map(|v| key(v.to_bits() as i32)));
             // Whole numbers in the order of the values are told apart sooner than the values.

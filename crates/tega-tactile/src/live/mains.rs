@@ -383,7 +383,9 @@ fn answer(white: [&[f32]; 3], gel: [&[f32]; 3], noise: [f32; 3], k: usize) -> [f
 #[inline(always)]
 fn answers_plain(white: &Field, gel: &Field, noise: [f32; 3], out: &mut [Vec<f32>; 2]) {
     let n = white.iter().chain(gel).map(Vec::len).min().unwrap_or_default();
-    out.iter_mut().for_each(|out| out.resize(n, 0.0));
+    for out in &mut *out {
+        out.resize(n, 0.0);
+    }
     let [white, gel] = [white, gel].map(|field| field.each_ref().map(|plane| &plane[..n]));
     let [products, squares] = out.each_mut().map(|out| &mut out[..n]);
     for k in 0..n {
