@@ -374,9 +374,13 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 /// What a cell adds to its line: its change times its light, and its light squared, noise units; blue or red first alike.
 #[inline(always)]
 fn answer(white: [&[f32]; 3], gel: [&[f32]; 3], noise: [f32; 3], k: usize) -> [f32; 2] {
-    let light = |c: usize| gel[c][k] / noise[c];
-    let both = [0, 1, 2].map(|c| [white[c][k] * light(c), light(c) * light(c)]);
-    [0, 1].map(|v| (both[0][v] + both[2][v]) + both[1][v])
+    let mut both = [[0.0; 2]; 3];
+    for c in 0..3 {
+        let light = gel[c][k] / noise[c];
+        both[c] = [white[c][k] * light, light * light];
+    }
+    let [first, middle, last] = both;
+    [(first[0] + last[0]) + middle[0], (first[1] + last[1]) + middle[1]]
 }
 
 /// What every cell adds.
