@@ -137,7 +137,7 @@ impl<'a> Pair<'a> {
 }
 
 /// An image whose rows are contiguous: itself, or a copy.
-fn whole_rows<'s>(image: ArrayView3<'s, u8>, copy: &'s mut Vec<u8>) -> ArrayView3<'s, u8> {
+pub(crate) fn whole_rows<'s>(image: ArrayView3<'s, u8>, copy: &'s mut Vec<u8>) -> ArrayView3<'s, u8> {
     if image.outer_iter().next().is_none_or(|row| row.as_slice().is_some()) {
         return image;
     }

@@ -3,6 +3,7 @@
 //! One reading yields the sum of every row and of every column and the range of grey values in every row. The moments follow
 //! from those few numbers, and the threshold count reads a row again only where its range straddles the threshold.
 
+use std::cell::Cell;
 use std::ops::{AddAssign, Range};
 
 use num_traits::Num;
@@ -23,6 +24,8 @@ pub struct Scratch {
     rows: Vec<Row>,
     /// The grey values as words, where the kernel keeps them.
     kept: Vec<u16>,
+    /// Rows that the last frame's counts looked at: grey values are kept if they were most, as the next frame's will be.
+    counted: Cell<usize>,
     /// Images whose rows do not lie contiguous in memory, copied.
     copies: [Vec<u8>; 2],
     /// The kernel of the last frame, whose weights' factors need not be sought again.
@@ -49,6 +52,7 @@ pub(crate) struct Greys<'s> {
     pair: Pair<'s>,
     rows: &'s [Row],
     kept: &'s [u16],
+    counted: &'s Cell<usize>,
     /// Kept words a row.
     in_row: usize,
 }
@@ -62,9 +66,9 @@ impl Kernel {
         scratch: &'s mut Scratch,
     ) -> Greys<'s> {
         let (width, height) = (pair.width(), pair.height());
-        let Scratch { columns, rows, kept, copies, .. } = scratch;
+        let Scratch { columns, rows, kept, counted, copies, .. } = scratch;
         let pair = pair.with_whole_rows(copies);
-        let in_row = self.kept_in_row(width, height);
+        let in_row = if 2 * counted.take() > height { self.kept_in_row(width, height) } else { 0 };
         let kept = aligned(kept, in_row * height);
         rows.resize(height, Row::default());
         let columns = aligned(columns, width);
@@ -83,7 +87,7 @@ impl Kernel {
         let peak_y = rows.iter().position(|row| row.max == peak).unwrap_or_default();
         let peak_row = pair.rows(peak_y..peak_y + 1).next().unwrap_or_default();
         let peak_x = self.first_place(peak_row, peak).unwrap_or_default();
-        Greys { sums, peak, peak_xy: (peak_x, peak_y), pair, rows, kept, in_row }
+        Greys { sums, peak, peak_xy: (peak_x, peak_y), pair, rows, kept, counted, in_row }
     }
 
     fn rows_until_overflow(&self) -> usize {
@@ -180,6 +184,7 @@ impl Greys<'_> {
 
     /// The same of rows `ys` alone.
     fn count_within(&self, ys: Range<usize>, kernel: &Kernel, first: i32) -> u32 {
+        self.counted.set(self.counted.get() + ys.len());
         let kept = self.kept.get(ys.start * self.in_row..ys.end * self.in_row).unwrap_or_default();
         match u16::try_from(first) {
             // A kept 65,535 may stand for more, and is not below it either way; 0 says nothing.
@@ -203,10 +208,14 @@ mod tests {
         let pair = Pair::new(frame.view(), baseline.view()).unwrap();
         let kernel = Kernel::new([1, 1, 1], Difference::Signed, false);
         let mut scratch = Scratch::default();
-        let greys = kernel.read(&pair, 3, &mut scratch);
-        assert_eq!(greys.count_from(&kernel, 0), 120);
-        assert_eq!(greys.count_from(&kernel, 9), 41);
-        assert_eq!(greys.count_from(&kernel, 601), 0);
-        assert_eq!((greys.peak, greys.peak_xy), (600, (0, 0)));
+        // Most rows are counted in the first reading, so the second keeps them.
+        for in_row in [0, kernel.kept_in_row(40, 3)] {
+            let greys = kernel.read(&pair, 3, &mut scratch);
+            assert_eq!(greys.in_row, in_row);
+            assert_eq!(greys.count_from(&kernel, 0), 120);
+            assert_eq!([greys.count_from(&kernel, 9), greys.count_from(&kernel, 8)], [41, 41]);
+            assert_eq!(greys.count_from(&kernel, 601), 0);
+            assert_eq!((greys.peak, greys.peak_xy), (600, (0, 0)));
+        }
     }
 }

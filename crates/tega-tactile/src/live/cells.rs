@@ -2,9 +2,9 @@
 //!
 //! The mean of a cell is also the smoothing that the touch reading needs, so both cost one read of the picture.
 
-use ndarray::{ArrayView3, Axis};
+use ndarray::ArrayView3;
 
-use crate::frame::row_bytes;
+use crate::frame::whole_rows;
 
 /// Cells along the picture's diagonal: 8 pixels a cell at 240 x 320, the same cells of the gel at any resolution.
 const CELLS_PER_DIAGONAL: f64 = 50.0;
@@ -45,24 +45,21 @@ pub(super) type Planes = [Vec<i16>; 3];
 /// Buffers of one row of cells.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Strip {
-    /// Sums down the columns, and zeros for the last cell's neighbours on the right.
-    sums: Vec<i16>,
-    folded: Vec<i16>,
-    gathered: Vec<u8>,
+    /// Sums down the columns of bytes, and zeros past the last one.
+    sums: Vec<u16>,
+    /// Sums of every other pixel of a cell and of those between them, and two of no meaning.
+    pairs: Vec<[u16; PAIR]>,
+    /// Sums over all cells, of each of a pixel's bytes.
+    cells: [Vec<i32>; 3],
+    copy: Vec<u8>,
 }
 
-impl Strip {
-    /// Sizes the buffers and clears the sums.
-    fn clear(&mut self, grid: &Grid) {
-        let length = 3 * grid.side * grid.cols;
-        self.sums.clear();
-        self.sums.resize(length + OCTET, 0);
-        self.folded.resize(length, 0);
-    }
-}
-
-/// Bytes of eight pixels.
-const OCTET: usize = 24;
+/// Bytes of two pixels, and two more.
+const PAIR: usize = 8;
+/// Bytes whose sum fits 16 bits.
+const TOGETHER: usize = 256;
+/// Rows that are summed at a time, at most.
+const MOST_ROWS: usize = 32;
 
 tega_simd::dispatched! {
     /// Averages an image of the grid's size over each cell.
@@ -72,82 +69,126 @@ tega_simd::dispatched! {
 
 #[inline(always)]
 fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
-    for plane in planes.iter_mut() {
+    let Strip { sums, pairs, cells, copy } = strip;
+    sums.resize(3 * grid.side * grid.cols + PAIR, 0);
+    pairs.resize(grid.cols, [0; PAIR]);
+    for cells in &mut *cells {
+        cells.clear();
+        cells.resize(grid.cells(), 0);
+    }
+    let image = whole_rows(image, copy);
+    let mut lines = image.outer_iter();
+    // The sums of higher cells need more bits and are added up.
+    let most = MOST_ROWS.min(TOGETHER / grid.side.div_ceil(2));
+    for row in 0..grid.rows {
+        let height = grid.side.min(grid.height - row * grid.side);
+        for first in (0..height).step_by(most) {
+            let mut rows = [&[][..]; MOST_ROWS];
+            let n = most.min(height - first);
+            for (row, line) in rows.iter_mut().zip(lines.by_ref().take(n)) {
+                *row = line.to_slice().unwrap_or_default();
+            }
+            sums.fill(0);
+            let width = sums.get_mut(..3 * grid.width).unwrap_or_default();
+            sum_rows(rows.get(..n).unwrap_or_default(), width);
+            sum_pairs(sums, grid.side, pairs);
+            let cells = cells.each_mut().map(|cells| cells.get_mut(row * grid.cols..).unwrap_or_default());
+            add_cells(pairs, cells);
+        }
+    }
+    for (plane, sums) in planes.iter_mut().zip(&*cells) {
         plane.resize(grid.cells(), 0);
-    }
-    strip.clear(grid);
-    match image.as_slice() {
-        Some(bytes) if grid.octets() => average_octets(bytes, grid, strip, planes),
-        _ => average_rows(image, grid, strip, planes),
+        average_cells(sums, grid, plane);
     }
 }
 
-/// Whole cells of 8 x 8 pixels: four rows of bytes a time.
+/// Sums rows down their columns.
 #[inline(always)]
-fn average_octets(bytes: &[u8], grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
-    let stride = 3 * grid.width;
-    let [p0, p1, p2] = planes;
-    let cells = p0
-        .chunks_exact_mut(grid.cols)
-        .zip(p1.chunks_exact_mut(grid.cols))
-        .zip(p2.chunks_exact_mut(grid.cols));
-    for (rows, ((p0, p1), p2)) in bytes.chunks_exact(8 * stride).zip(cells) {
-        let sums = strip.sums.get_mut(..stride).unwrap_or_default();
-        sum_eight_rows(sums, rows);
-        fold_octets(&strip.sums, &mut strip.folded);
-        for (((octet, a), b), c) in strip.folded.as_chunks::<OCTET>().0.iter().zip(p0).zip(p1).zip(p2) {
-            (*a, *b, *c) = (octet[0], octet[1], octet[2]);
+fn sum_rows(rows: &[&[u8]], sums: &mut [u16]) {
+    let (eights, rows) = rows.as_chunks::<8>();
+    for rows in eights {
+        add_rows(rows, sums);
+    }
+    let (fours, rows) = rows.as_chunks::<4>();
+    for rows in fours {
+        add_rows(rows, sums);
+    }
+    for row in rows {
+        add_rows(&[row], sums);
+    }
+}
+
+/// Adds as many rows, at once, to the sums of their columns.
+#[inline(always)]
+fn add_rows<const N: usize>(rows: &[&[u8]; N], sums: &mut [u16]) {
+    let n = rows.iter().map(|row| row.len()).min().unwrap_or_default().min(sums.len());
+    let (rows, sums) = (rows.map(|row| &row[..n]), &mut sums[..n]);
+    for k in 0..n {
+        sums[k] += rows.iter().map(|row| u16::from(row[k])).sum::<u16>();
+    }
+}
+
+/// Sums the columns' sums over the pairs of pixels of each cell, and adds an odd side's last pixel.
+#[inline(always)]
+fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
+    let cells = sums.windows(6 * (side / 2) + PAIR - 6).step_by(3 * side);
+    for (out, cell) in pairs.iter_mut().zip(cells) {
+        let mut sum = [0; PAIR];
+        for pair in cell.windows(PAIR).step_by(6) {
+            for lane in 0..PAIR {
+                sum[lane] += pair[lane];
+            }
+        }
+        *out = sum;
+    }
+    if !side.is_multiple_of(2) {
+        let pixels = sums.as_chunks::<3>().0.iter().skip(side - 1).step_by(side);
+        for (out, pixel) in pairs.iter_mut().zip(pixels) {
+            (0..3).for_each(|k| out[k] += pixel[k]);
         }
     }
 }
 
-/// Any cells, any strides: a row at a time.
+/// Adds the sums of the first and of the second pixels of pairs to those of cells.
 #[inline(always)]
-fn average_rows(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
-    for (y, row) in image.axis_iter(Axis(0)).enumerate() {
-        add_row(&mut strip.sums, row_bytes(&row, &mut strip.gathered));
-        let row = y / grid.side;
-        let first = row * grid.side;
-        let end = (first + grid.side).min(grid.height);
-        if y + 1 == end {
-            fold(&strip.sums, grid, row, end - first, planes);
-            strip.sums.fill(0);
+fn add_cells(pairs: &[[u16; PAIR]], [a, b, c]: [&mut [i32]; 3]) {
+    for (pair, ((a, b), c)) in pairs.iter().zip(a.iter_mut().zip(b).zip(c)) {
+        let sum = |k: usize| i32::from(pair[k]) + i32::from(pair[k + 3]);
+        *a += sum(0);
+        *b += sum(1);
+        *c += sum(2);
+    }
+}
+
+/// Means of cells from their sums, halves rounded up.
+#[inline(always)]
+fn average_cells(sums: &[i32], grid: &Grid, means: &mut [i16]) {
+    let mean = |sum: &i32, pixels: usize| whole(*sum as f32 * (UNITS_PER_COUNT / pixels as f32) + 0.5) as i16;
+    for (of, sum) in means.iter_mut().zip(sums) {
+        *of = mean(sum, grid.side * grid.side);
+    }
+    // Those that the border cuts.
+    let [height, width] = [(grid.height, grid.rows), (grid.width, grid.cols)]
+        .map(|(length, cells)| length - (cells - 1) * grid.side);
+    if width < grid.side {
+        for (of, sum) in means.iter_mut().zip(sums).skip(grid.cols - 1).step_by(grid.cols) {
+            *of = mean(sum, width * grid.side);
+        }
+    }
+    if height < grid.side {
+        let last = means.iter_mut().zip(sums).skip((grid.rows - 1) * grid.cols);
+        for (col, (of, sum)) in last.enumerate() {
+            *of = mean(sum, height * if col + 1 == grid.cols { width } else { grid.side });
         }
     }
 }
 
-/// Sums eight rows of bytes down their columns.
+/// The whole part of a number from 0 to 2²², in what vectors compute side by side.
 #[inline(always)]
-fn sum_eight_rows(sums: &mut [i16], rows: &[u8]) {
-    let n = sums.len();
-    let row = |k: usize| rows.get(k * n..(k + 1) * n).unwrap_or_default();
-    let upper = row(0).iter().zip(row(1)).zip(row(2)).zip(row(3));
-    let lower = row(4).iter().zip(row(5)).zip(row(6)).zip(row(7));
-    for ((sum, (((a, b), c), d)), (((e, f), g), h)) in sums.iter_mut().zip(upper).zip(lower) {
-        let upper = i16::from(*a) + i16::from(*b) + i16::from(*c) + i16::from(*d);
-        *sum = upper + i16::from(*e) + i16::from(*f) + i16::from(*g) + i16::from(*h);
-    }
-}
-
-/// Adds a row to the column sums. At most 116 rows are added (images up to 4096 pixels): 29,580 fits.
-#[inline(always)]
-fn add_row(sums: &mut [i16], row: &[u8]) {
-    for (sum, &value) in sums.iter_mut().zip(row) {
-        *sum += i16::from(value);
-    }
-}
-
-/// Turns sums of eight rows into means of 64 pixels from every byte on, in sixteenths of a count, halves rounded up. `sums` has an octet more
-/// than `folded`.
-#[inline(always)]
-fn fold_octets(sums: &[i16], folded: &mut [i16]) {
-    let n = folded.len();
-    let from = |pixel: usize| sums.get(3 * pixel..3 * pixel + n).unwrap_or_default();
-    let left = from(0).iter().zip(from(1)).zip(from(2)).zip(from(3));
-    let right = from(4).iter().zip(from(5)).zip(from(6)).zip(from(7));
-    for ((out, (((a, b), c), d)), (((e, f), g), h)) in folded.iter_mut().zip(left).zip(right) {
-        *out = octet_mean(a + b + c + d + e + f + g + h);
-    }
+fn whole(value: f32) -> i32 {
+    const WHOLE: f32 = (1 << 23) as f32;
+    let nearest = value + WHOLE;
+    nearest.to_bits() as i32 - WHOLE.to_bits() as i32 - i32::from(nearest - WHOLE > value)
 }
 
 /// A sum of 64 pixels as their mean, in sixteenths of a count, halves rounded up.
@@ -156,31 +197,19 @@ pub(super) fn octet_mean(sum: i16) -> i16 {
     (sum + 2) >> 2
 }
 
-/// Column sums of `height` rows to cell means, for any side and for cells cut by the border.
-#[inline(always)]
-fn fold(sums: &[i16], grid: &Grid, row: usize, height: usize, planes: &mut Planes) {
-    for (c, plane) in planes.iter_mut().enumerate() {
-        let cells = plane.iter_mut().skip(row * grid.cols).take(grid.cols);
-        for ((col, mean), pixels) in cells.enumerate().zip(sums.chunks_exact(3 * grid.side)) {
-            let sum: i32 = pixels.iter().skip(c).step_by(3).map(|&v| i32::from(v)).sum();
-            let width = grid.side.min(grid.width - col * grid.side);
-            *mean = (sum as f32 * (UNITS_PER_COUNT / (width * height) as f32) + 0.5) as i16;
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::Array3;
+    use ndarray::{Array3, Axis};
 
     #[test]
     fn cell_means_are_those_of_the_pixels() {
         for (height, width) in
-            [(1, 1), (1, 9), (7, 5), (120, 160), (320, 240), (240, 320), (239, 322), (430, 500)]
+            [(1, 1), (1, 9), (7, 5), (100, 75), (320, 240), (239, 322), (430, 500), (960, 720), (1100, 2500)]
         {
             let image = Array3::from_shape_fn((height, width, 3), |(y, x, c)| {
-                ((y * 7 + x * 13 + c * 50) % 251) as u8
+                // As bright as can be in one corner.
+                if y + x < 200 { 255 } else { ((y * 7 + x * 13 + c * 50) % 251) as u8 }
             });
             let grid = Grid::of(height, width);
             let mut planes = Planes::default();
@@ -195,12 +224,9 @@ mod tests {
                                 n += 1;
                             }
                         }
-                        let wanted = f64::from(sum) * 16.0 / f64::from(n);
-                        let got = f64::from(plane[row * grid.cols + col]);
-                        assert!(
-                            (got - wanted).abs() <= 0.51,
-                            "{height}x{width} cell {row},{col}: {got} {wanted}"
-                        );
+                        let wanted = (sum as f32 * (UNITS_PER_COUNT / n as f32) + 0.5) as i16;
+                        let got = plane[row * grid.cols + col];
+                        assert_eq!(got, wanted, "{height}x{width} cell {row},{col}");
                     }
                 }
             }

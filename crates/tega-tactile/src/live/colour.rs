@@ -33,6 +33,10 @@ pub(super) struct Colour {
     /// Places of the pooled cells, -1 to 1, and 0 past their end.
     x: Vec<f32>,
     y: Vec<f32>,
+    /// Sums of their squares.
+    squares: [f32; 2],
+    /// Places of the columns of cells among the pooled ones.
+    across: Vec<f32>,
     pooled: Field,
     gel: Field,
     left: Field,
@@ -51,9 +55,12 @@ impl Colour {
         }
         let plane = || vec![0.0; n];
         let field = || [plane(), plane(), plane()];
+        let squares = [&x, &y].map(|v| v.iter().map(|v| v * v).sum());
         Self {
             rows,
             cols,
+            squares,
+            across: (0..grid.cols).map(|col| place_among(col, cols)).collect(),
             x,
             y,
             weights,
@@ -99,8 +106,7 @@ impl Colour {
     #[inline(always)]
     pub fn glance(&mut self, white: &Field, grid: &Grid) -> f32 {
         let (n, cells) = (self.cells() as f32, self.cells());
-        let squares = |v: &[f32]| v.iter().map(|v| v * v).sum::<f32>();
-        let (xx, yy) = (squares(&self.x), squares(&self.y));
+        let [xx, yy] = self.squares;
         for (c, white) in white.iter().enumerate() {
             pool(white, grid, self.cols, &mut self.pooled[c]);
             let [z, zx, zy] = plane_sums(&self.pooled[c], &self.x, &self.y).map(|lanes| total(&lanes));
@@ -116,12 +122,12 @@ impl Colour {
     #[inline(always)]
     pub fn judge(&mut self, white: &mut Field, gel: &Field, grid: &Grid) -> f32 {
         let cells = self.cells();
-        let mut means = [0f32; 3];
-        for c in 0..3 {
-            pool(&gel[c], grid, self.cols, &mut self.gel[c]);
-            let mean = self.gel[c].iter().take(cells).sum::<f32>() / cells as f32;
+        for (gel, pooled) in gel.iter().zip(&mut self.gel) {
+            pool(gel, grid, self.cols, pooled);
+        }
+        let means = sums(&self.gel, cells).map(|sum| sum / cells as f32);
+        for (c, mean) in means.iter().enumerate() {
             self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - mean) / GAIN_COUNTS);
-            means[c] = mean;
             self.keys.clear();
             self.keys.extend(self.pooled[c].iter().take(cells).map(|v| key(v.to_bits() as i32)));
             // Whole numbers in the order of the values are told apart sooner than the values.
@@ -144,14 +150,12 @@ impl Colour {
         for (c, fit) in fits.into_iter().enumerate() {
             let [level, x, y, gain] = fit;
             let gain = gain / GAIN_COUNTS;
-            // A cell's place among the pooled ones.
-            let place = |k: usize, pooled: usize| (k as f32 + 0.5) / pooled as f32 - 1.0;
             for (row, (white, gel)) in
                 white[c].chunks_exact_mut(grid.cols).zip(gel[c].chunks_exact(grid.cols)).enumerate()
             {
-                let level = level + y * place(row, self.rows) - gain * means[c];
-                for (col, (white, gel)) in white.iter_mut().zip(gel).enumerate() {
-                    *white -= level + x * place(col, self.cols) + gain * gel;
+                let level = level + y * place_among(row, self.rows) - gain * means[c];
+                for ((white, gel), place) in white.iter_mut().zip(gel).zip(&self.across) {
+                    *white -= level + x * place + gain * gel;
                 }
             }
         }
@@ -181,6 +185,17 @@ pub(super) fn statistic([a, b, c]: &Field) -> f32 {
 #[inline(always)]
 fn key(bits: i32) -> i32 {
     bits ^ ((bits >> 31) as u32 >> 1) as i32
+}
+
+/// A cell's place among the pooled ones.
+fn place_among(k: usize, pooled: usize) -> f32 {
+    (k as f32 + 0.5) / pooled as f32 - 1.0
+}
+
+/// Sums of the first values of three planes, each one after the other: side by side, so that none waits for another.
+#[inline(always)]
+fn sums([a, b, c]: &Field, n: usize) -> [f32; 3] {
+    a.iter().zip(b).zip(c).take(n).fold([-0.0; 3], |[x, y, z], ((a, b), c)| [x + a, y + b, z + c])
 }
 
 /// Means of two by two cells; a last odd row or column is left out.

@@ -149,34 +149,48 @@ fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
 #[inline(always)]
 fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
     let [a_stride, stride] = strides;
-    for (a, out) in a.chunks(a_stride).zip(out.chunks_exact_mut(stride)) {
-        let Some(a) = a.get(..k) else { return };
+    for (a, out) in a.chunks(2 * a_stride).zip(out.chunks_mut(2 * stride)) {
+        // Two rows at a time: what is loaded of the other matrix is for both. An odd last one stands for both.
+        let (upper, lower) = a.split_at(a_stride);
+        let both =
+            [upper, if lower.is_empty() { upper } else { lower }].map(|a| a.get(..k).unwrap_or_default());
+        let (upper, lower) = out.split_at_mut(stride);
         let mut first = 0;
         // Four sums at a time, so that one does not wait for the other.
         while first + 4 * LANES <= stride {
-            columns::<4>(a, b, stride, first, out);
+            columns::<4>(both, b, stride, first, [upper, lower]);
             first += 4 * LANES;
         }
         while first < stride {
-            columns::<1>(a, b, stride, first, out);
+            columns::<1>(both, b, stride, first, [upper, lower]);
             first += LANES;
         }
     }
 }
 
 #[inline(always)]
-fn columns<const N: usize>(a: &[f32], b: &[f32], stride: usize, first: usize, out: &mut [f32]) {
+fn columns<const N: usize>(
+    [upper, lower]: [&[f32]; 2],
+    b: &[f32],
+    stride: usize,
+    first: usize,
+    out: [&mut [f32]; 2],
+) {
     let mut sums = [[0f32; LANES]; N];
-    for (a, b) in a.iter().zip(b.chunks_exact(stride)) {
+    let mut below = sums;
+    for ((upper, lower), b) in upper.iter().zip(lower).zip(b.chunks_exact(stride)) {
         let Some(b) = b.get(first..first + N * LANES) else { return };
-        for (sums, b) in sums.iter_mut().zip(b.as_chunks::<LANES>().0) {
+        for ((sums, below), b) in sums.iter_mut().zip(&mut below).zip(b.as_chunks::<LANES>().0) {
             for lane in 0..LANES {
-                sums[lane] += a * b[lane];
+                sums[lane] += upper * b[lane];
+                below[lane] += lower * b[lane];
             }
         }
     }
-    if let Some(out) = out.get_mut(first..first + N * LANES) {
-        out.copy_from_slice(sums.as_flattened());
+    for (out, sums) in out.into_iter().zip([sums, below]) {
+        if let Some(out) = out.get_mut(first..first + N * LANES) {
+            out.copy_from_slice(sums.as_flattened());
+        }
     }
 }
 

@@ -61,6 +61,8 @@ pub(super) struct Mains {
     common: [[f64; 2]; 2],
     lines: Lines,
     trust: Vec<f32>,
+    /// What each cell adds to its line, of the picture that was measured last.
+    answers: [Vec<f32>; 2],
     /// Mean of a contact's pictures, how many they are, the last two, and what the last one differs by, noise units.
     held: Field,
     pictures: f64,
@@ -117,7 +119,8 @@ impl Lines {
 impl Mains {
     /// Variance of the gain along rows and columns in a change, as shares squared.
     pub fn measure(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid) -> [f64; 2] {
-        BOTH.map(|along| self.covariance(white, gel, noise, grid, along))
+        answers(white, gel, noise, &mut self.answers);
+        BOTH.map(|along| self.covariance(grid, along))
     }
 
     /// Learns from the variances of a picture without contact; `dt_s` after the one that it learned from before.
@@ -293,6 +296,7 @@ impl Mains {
             sums.clear();
             sums.resize(lines_of(grid, along), 0.0);
         }
+        let [white, gel] = [white, gel].map(|field| field.each_ref().map(Vec::as_slice));
         for k in 0..n {
             let [product, square] = answer(white, gel, noise, k);
             let at = line(k, grid, along);
@@ -311,7 +315,7 @@ impl Mains {
     }
 
     /// Covariance of the gains of two outer thirds of the picture.
-    fn covariance(&mut self, white: &Field, gel: &Field, noise: [f32; 3], grid: &Grid, along: Along) -> f64 {
+    fn covariance(&mut self, grid: &Grid, along: Along) -> f64 {
         let (lines, across) =
             if along == Along::Rows { (grid.rows, grid.cols) } else { (grid.cols, grid.rows) };
         let third = across / 3;
@@ -321,13 +325,19 @@ impl Mains {
         for (part, lines_of) in self.thirds[along as usize].iter_mut().enumerate() {
             lines_of.clear(lines);
             let first = if part == 0 { 0 } else { across - third };
-            for at in 0..lines {
-                for place in first..first + third {
-                    let k =
-                        if along == Along::Rows { at * grid.cols + place } else { place * grid.cols + at };
-                    let [product, square] = answer(white, gel, noise, k);
-                    lines_of.products[at] += product;
-                    lines_of.squares[at] += square;
+            for (sums, answers) in
+                [&mut lines_of.products, &mut lines_of.squares].into_iter().zip(&self.answers)
+            {
+                let rows = answers.chunks_exact(grid.cols);
+                if along == Along::Rows {
+                    let places = rows.map(|row| row.iter().skip(first).take(third));
+                    sums.iter_mut()
+                        .zip(places)
+                        .for_each(|(sum, places)| *sum = places.fold(0.0, |sum, v| sum + v));
+                } else {
+                    for row in rows.skip(first).take(third) {
+                        sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += v);
+                    }
                 }
             }
             // A black line has no gain.
@@ -363,10 +373,33 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
 
 /// What a cell adds to its line: its change times its light, and its light squared, noise units; blue or red first alike.
 #[inline(always)]
-fn answer(white: &Field, gel: &Field, noise: [f32; 3], k: usize) -> [f32; 2] {
-    let light = |c: usize| gel[c][k] / noise[c];
-    let both = [0, 1, 2].map(|c| [white[c][k] * light(c), light(c) * light(c)]);
-    [0, 1].map(|v| (both[0][v] + both[2][v]) + both[1][v])
+fn answer(white: [&[f32]; 3], gel: [&[f32]; 3], noise: [f32; 3], k: usize) -> [f32; 2] {
+    let mut both = [[0.0; 2]; 3];
+    for c in 0..3 {
+        let light = gel[c][k] / noise[c];
+        both[c] = [white[c][k] * light, light * light];
+    }
+    let [first, middle, last] = both;
+    [(first[0] + last[0]) + middle[0], (first[1] + last[1]) + middle[1]]
+}
+
+/// What every cell adds.
+#[inline(always)]
+fn answers_plain(white: &Field, gel: &Field, noise: [f32; 3], out: &mut [Vec<f32>; 2]) {
+    let n = white.iter().chain(gel).map(Vec::len).min().unwrap_or_default();
+    for out in &mut *out {
+        out.resize(n, 0.0);
+    }
+    let [white, gel] = [white, gel].map(|field| field.each_ref().map(|plane| &plane[..n]));
+    let [products, squares] = out.each_mut().map(|out| &mut out[..n]);
+    for k in 0..n {
+        [products[k], squares[k]] = answer(white, gel, noise, k);
+    }
+}
+
+tega_simd::dispatched! {
+    /// See [`answers_plain`].
+    answers = answers_plain, (white: &Field, gel: &Field, noise: [f32; 3], out: &mut [Vec<f32>; 2]) -> ()
 }
 
 #[cfg(test)]
