@@ -25,13 +25,12 @@ VIDEOS = f"videos/{{video_key}}/{PLACE}.mp4"
 FILES_PER_CHUNK, VIDEO_MB = 1000, 200
 
 CODEC, PIXELS = "libsvtav1", "yuv420p"
-# Every tenth frame can be decoded on its own, since training reads frames at random. Films of real sensors lose nothing
-# by that against LeRobot's quality 30 and every other frame, in half of the time (docs/evidence/recording.md). Without
-# filters and lookahead the encoder takes 0.7 of the time of its preset 10, with 0.4 dB and 13 % of the bytes less (300
-# simulated fingertip pictures of 240 x 320, n = 6). A thread for each camera is enough, and half of the memory.
+# Every other frame can be decoded on its own, since training reads frames at random. Without filters and lookahead the
+# encoder takes 0.7 of the processor time of its preset 10, with 0.4 dB and 13 % of the bytes less (300 simulated
+# fingertip pictures of 240 x 320, n = 6); a thread for each camera is enough, and half of the memory.
 _OPTIONS = {
-    "g": "10",
-    "crf": "27",
+    "g": "2",
+    "crf": "30",
     "preset": "13",
     "svtav1-params": "enable-tf=0:enable-cdef=0:enable-dlf=0:enable-restoration=0:hierarchical-levels=2:lookahead=0:"
     "lp=1",
