@@ -18,6 +18,7 @@ mod fading;
 mod filter;
 mod law;
 mod light;
+mod lines;
 mod mains;
 mod middle;
 mod noise;
