@@ -7,7 +7,7 @@ import gc
 import os
 import signal
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 from typing import Any, Final
 
@@ -251,3 +251,28 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from reference.sessions import record
 
     return record(tmp_path_factory.mktemp("session") / "short", duration_s=0.2)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _few_studies_are_drawn(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Draw few studies for what a report says of the next one: test_study_power.py shows what the draws find."""
+    with pytest.MonkeyPatch.context() as patch:
+        if request.path.parent.name == "tega_study":
+            patch.setattr("tega_study.power._RUNS", 20)
+        yield
+
+
+@pytest.fixture(scope="session")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Record a second and a half of made-up input: two fingertips, muscles, hand and vest."""
+    from reference.sessions import record
+
+    return record(tmp_path_factory.mktemp("recorded"), lossless=False)
+
+
+@pytest.fixture(scope="session")
+def clipped(tmp_path_factory: pytest.TempPathFactory, recording: Path) -> Path:
+    """Return a study whose recorded trials are over; tests take copies."""
+    from reference.clipped import clipped_study, planned
+
+    return clipped_study(tmp_path_factory.mktemp("clipped") / "study", planned(), recording)

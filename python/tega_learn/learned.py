@@ -110,7 +110,7 @@ class LearnedDecoder:
 
     Example:
         >>> import numpy as np
-        >>> from tega_learn import fit
+        >>> from tega_learn.decoders import fit
         >>> rng = np.random.default_rng(1)
         >>> closure = np.repeat([0.0, 1.0, 0.0, 0.5, 0.0, 1.0] * 2, 400)
         >>> emg = rng.normal(size=(len(closure), 3)) * (5 + 100 * closure[:, None])

@@ -154,7 +154,7 @@ class _BlockStage(Decoder):
 
 
 class LearnedStage(_BlockStage):
-    """A learned model: :class:`tega_learn.LearnedDecoder`.
+    """A learned model: :class:`tega_learn.decoders.LearnedDecoder`.
 
     Raises ``ConfigError`` without a model, ``CalibrationError`` for one missing, damaged or of other muscles.
     """
@@ -201,7 +201,7 @@ class LearnedStage(_BlockStage):
 
 
 class ProportionalStage(_BlockStage):
-    """The plain baseline: :class:`tega_learn.ProportionalDecoder`; its dead band lies below full."""
+    """The plain baseline: :class:`tega_learn.decoders.ProportionalDecoder`; its dead band lies below full."""
 
     summary: ClassVar[str] = "closure in proportion to one channel, or one less another, with a dead band"
     options_type: ClassVar[type[StageOptions]] = ProportionalOptions

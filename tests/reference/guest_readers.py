@@ -30,7 +30,7 @@ from tega.runtime.files.foreign_file import read_foreign
 from tega_bench.vest_latency.log import OnsetLog, read_log, read_wav, write_wav
 from tega_figures.audit import read_marks
 from tega_figures.audit.truth import read_forces
-from tega_learn import fit
+from tega_learn.decoders import fit
 from tega_learn.logs import PracticeRecord, read_tracked
 from tega_learn.model import load_model
 from tega_link.keys import _authority, expiry, make_keys

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega_learn import fit
 from tega_learn.compare import DecoderReport, Log, compare, two_halves
+from tega_learn.decoders import fit
 from tega_learn.judge import judge
 
 ROOT = Path(__file__).resolve().parents[2]

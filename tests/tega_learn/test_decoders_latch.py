@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tega_learn import ProportionalDecoder, fit
+from tega_learn.decoders import ProportionalDecoder, fit
 from tega_learn.learned import Latch
 
 BLOCK_S = 0.1

@@ -18,7 +18,7 @@ from tega_emulators.benches import BENCHES, why_not
 
 
 def test_every_built_in_driver_is_put_through_the_contract() -> None:
-    built_in = {n for n in driver_names() if driver_class(n).__module__.startswith(("tega.", "tega_sim."))}
+    built_in = {n for n in driver_names() if driver_class(n).__module__.startswith(("tega.", "tega_"))}
     assert built_in == set(BENCHES)
 
 

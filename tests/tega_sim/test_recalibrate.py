@@ -24,8 +24,8 @@ from tega.loop.maxima import emg_conditions
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
 from tega_emulators.process import Emulator
-from tega_learn import LearnedDecoder, fit
 from tega_learn.compare import Log, shifted_electrode, two_halves
+from tega_learn.decoders import LearnedDecoder, fit
 from tega_learn.judge import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 

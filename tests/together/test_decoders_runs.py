@@ -19,7 +19,7 @@ from tega.errors import CalibrationError
 from tega.loop import run_session
 from tega.recording.replay import replay_file
 from tega.ui.cli.main import main
-from tega_learn import LearnedDecoder
+from tega_learn.decoders import LearnedDecoder
 from tega_learn.logs import PracticeRecord, read_tracked
 from tega_practice.tracking import Curve, keep_tracked, tracked_samples
 

@@ -24,7 +24,7 @@ from tega.hand import joined_level
 from tega.records import Intent
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega.stages.registry import StageRecord, list_stages, stage_class
-from tega_learn import fit
+from tega_learn.decoders import fit
 
 pytestmark = pytest.mark.slow
 

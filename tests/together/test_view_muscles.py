@@ -18,7 +18,7 @@ from tega.records.bus import Bus
 from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import DecodersApart, MuscleRows, SessionFeed
 from tega.ui.view.state import ViewState
-from tega_learn import fit
+from tega_learn.decoders import fit
 
 
 def reported(apart: DecodersApart, pairs: list[tuple[float, float]], *, late_ns: int = 0) -> None:

@@ -68,7 +68,7 @@ def fit(
 
     import msgspec
 
-    from tega_learn import fit as fit_decoder
+    from tega_learn.decoders import fit as fit_decoder
     from tega_learn.judge import judge
 
     full, names = None, tuple[str, ...]()

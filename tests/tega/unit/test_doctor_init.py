@@ -55,7 +55,7 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
     looked: dict[str, Any] = {
         "digit": DriverProbe("tactile", digits),
         "serial-emg": DriverProbe("emg", [board]),
-        "cyton": DriverProbe("emg", [stream]),
+        "cyton": DriverProbe("emg", [stream], likelihood=1),
         "bhaptics-ble": DriverProbe("vest", [vest]),
         "allegro": DriverProbe("hand", [hand]),
     }

@@ -18,9 +18,9 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, ShapeError, TegaError
 from tega.setup.contract import check_stage
 from tega.stages import MuscleSetup
-from tega_learn import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
 from tega_learn.block_features import block_features
 from tega_learn.compare import Log, compare
+from tega_learn.decoders import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
 from tega_learn.stage import LearnedOptions, LearnedStage, ProportionalOptions, ProportionalStage
 
 RATE_HZ, TAU = 1000.0, 100

@@ -15,7 +15,7 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
 from reference.extremes import Extreme
 from tega.errors import TegaError
-from tega_learn import LearnedDecoder, fit
+from tega_learn.decoders import LearnedDecoder, fit
 
 Array = NDArray[np.float64]
 RATE_HZ, TAU = 1000.0, 100

@@ -40,7 +40,7 @@ PUBLIC: Final = (
     "tega.recording.replay",
     "tega.runtime.features",
     "tega.stages",
-    "tega_learn",
+    "tega_learn.decoders",
     "tega.tactile",
     "tega.loop",
     "tega.loop.parts",

@@ -113,7 +113,7 @@ class DriverProbe(NamedTuple):
     """Result of looking for one driver's devices.
 
     ``could_not`` is why looking was not possible, ``""`` if it was, and ``hint`` the step that makes it so.
-    ``lacks_package`` is whether the reason is a package that is not installed.
+    ``lacks_package`` is whether the reason is a package that is not installed; ``likelihood`` is the driver's own.
     """
 
     kind: str
@@ -121,6 +121,7 @@ class DriverProbe(NamedTuple):
     could_not: str = ""
     hint: str = ""
     lacks_package: bool = False
+    likelihood: int = 0
 
 
 def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
@@ -143,7 +144,7 @@ def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
 
 def _check(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverProbe:
     try:
-        return DriverProbe(kind, driver.discover(timeout_s))
+        return DriverProbe(kind, driver.discover(timeout_s), likelihood=optional(driver, "likelihood"))
     except MissingExtraError as error:
         return DriverProbe(kind, could_not=error.message, hint=error.hint, lacks_package=True)
     except DeviceUnavailableError as error:

@@ -10,8 +10,7 @@ from typing import Any
 import tomlkit
 
 from tega.config import FINGERS
-from tega.devices import Found, driver_class
-from tega.devices.base import optional
+from tega.devices import Found
 from tega.runtime.files.toml_text import toml_item, toml_value, tree_text
 from tega.setup.doctor.bench import DriverProbe
 
@@ -184,13 +183,11 @@ def _arm(driver: str | dict[str, Any] | None) -> str:
 
 def _found(looked: Mapping[str, DriverProbe], kind: str, driver: str | None = None) -> list[Found]:
     """Return the devices found of a kind, for one driver or any; the likelier and usable ones first."""
-    found = [one for there in looked.values() if there.kind == kind for one in there.found]
-    found = [one for one in found if driver in {None, one.driver}]
-
-    def order(one: Found) -> tuple[bool, int, bool]:
-        return bool(one.problem), -optional(driver_class(one.driver), "likelihood"), not one.options
-
-    return sorted(found, key=order)
+    found = [
+        (there.likelihood, one) for there in looked.values() if there.kind == kind for one in there.found
+    ]
+    found.sort(key=lambda pair: (bool(pair[1].problem), -pair[0], not pair[1].options))
+    return [one for _, one in found if driver in {None, one.driver}]
 
 
 def _section(table: str, found: Found, more: str) -> str:
