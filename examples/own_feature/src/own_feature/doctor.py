@@ -8,7 +8,7 @@ from tega.setup.doctor import Finding
 
 def check_grip(config: SessionConfig) -> list[Finding]:
     """Compare the count of a firm grip with the fingers that have a sensor."""
-    table, fingers = config.guests.get("grip"), len(config.tactile.in_use())
+    table, fingers = config.guests.get("grip"), len(config.tactile)
     if table is None:
         return []
     if table.firm_from > fingers:
