@@ -148,7 +148,7 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
         ),
     )
     # Another package's mapping may show fingers otherwise, and then refuses them itself.
-    shown = getattr(config.stages.mapping.options, "fingers", ())
+    shown = getattr(config.stages.mapping.options, "fingers", None)
     for finger in tactile if isinstance(shown, tuple) else ():
         with _named(origins, f"tactile.{finger}.driver"):
             column_of_each(shown, [finger])
