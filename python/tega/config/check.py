@@ -149,9 +149,10 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
     )
     # Another package's mapping may show fingers otherwise, and then refuses them itself.
     shown = getattr(config.stages.mapping.options, "fingers", None)
-    for finger in tactile if isinstance(shown, tuple) else ():
-        with _named(origins, f"tactile.{finger}.driver"):
-            column_of_each(shown, [finger])
+    if isinstance(shown, tuple):
+        for finger in tactile:
+            with _named(origins, f"tactile.{finger}.driver"):
+                column_of_each(shown, [finger])
     _check_dead_man(config.input.dead_man)
     config, mounted = _with_mounted_hand(config, origins)
     guests = read_guest_tables(given, TableContext(base, config, with_options), convert)
