@@ -63,7 +63,7 @@ def test_no_byte_of_a_packet_but_the_wrist_s_changes_a_pose(hand: str, seed: int
 def test_every_tracker_hands_on_one_place_and_one_turn() -> None:
     assert StampedPose._fields == ("t_ns", "position_m", "quaternion_xyzw", "valid")
     trackers = [found.name for found in list_drivers() if found.kind == "tracker"]
-    assert {"hololens", "openxr", "poses-file"} <= set(trackers)
+    assert {"hololens", "poses-file"} <= set(trackers)
     for name in trackers:
         assert get_type_hints(driver_class(name, "tracker").read)["return"] == Sequence[StampedPose]
 
