@@ -73,7 +73,7 @@ class LearnedFile(NamedTuple):
 
     def check_fits(self, **run: Any) -> None:
         """Refuse a source or a person that the model was not made for, as :meth:`Model.check_fits` does."""
-        self.decoder.model.check_fits(**run)
+        self.decoder.model.check_fits(name=self.file.name, **run)
 
     def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> LearnedFile:
         """Return the model fitted to rest and effort, if it then distinguishes them."""

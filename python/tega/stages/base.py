@@ -235,9 +235,7 @@ class DayModel(Protocol):
     def file(self) -> Path:
         """Its file."""
 
-    def check_fits(
-        self, *, kind: str, rate_hz: float, channels: tuple[str, ...], name: str, person: str
-    ) -> None:
+    def check_fits(self, *, kind: str, rate_hz: float, channels: tuple[str, ...], person: str) -> None:
         """Refuse a source or a person that the model was not made for: ``CalibrationError``."""
 
     def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> DayModel:

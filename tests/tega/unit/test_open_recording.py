@@ -78,6 +78,7 @@ def test_every_topic_has_columns_and_records(lossless: Path) -> None:
         assert isinstance(topic[0], topic.kind)
         assert isinstance(topic[-1], topic.kind)
         assert len(list(topic)) == len(topic) == len(topic.log_s)
+    assert recording[CONTACT][30].finger == "thumb"
     assert recording.complete
     assert repr(recording).startswith("<recording trial-001.mcap: 1.5 s, ")
     with pytest.raises(KeyError, match="no such topic; there are"):

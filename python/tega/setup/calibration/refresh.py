@@ -174,13 +174,7 @@ def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated
     with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
         record, chain = kept_record(sitting, config.emg, source)
         if model is not None:
-            model.check_fits(
-                kind=chain.kind,
-                rate_hz=chain.rate_hz,
-                channels=chain.channels,
-                name=model.file.name,
-                person=person,
-            )
+            model.check_fits(kind=chain.kind, rate_hz=chain.rate_hz, channels=chain.channels, person=person)
         guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
         steps = MuscleSteps(source, chain, guide, times)
         quiet = steps.rest()
