@@ -62,7 +62,7 @@ def test_a_stream_is_the_same_as_itself_and_is_not_kept(
         found.add(value, t_ns, known_ns, replayed=False)
         found.add(value, t_ns, known_ns, replayed=True)
         found.settle(t_ns)
-        assert not found._waiting
+        assert not found.waiting
     result = found.found
     assert (result.recorded, result.replayed, result.differ) == (len(rows), len(rows), 0)
 

@@ -112,14 +112,14 @@ MEASURED = Rule(values, _LOOP_TIMES | {"cci_norm", "eda_norm", "front", "back"})
 class Compared:
     """Compares a stream's records with those of its replay as they come, by their times.
 
-    Numbers are equal when every bit is; every NaN equals any other. ``found`` are the findings so far.
+    Numbers are equal when every bit is; every NaN equals any other. ``found`` are the findings so far, ``waiting`` the
+    records without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
     """
 
     def __init__(self, stream: str, rule: Rule) -> None:
         self.found = Comparison(stream, 0, 0, 0, {}, None, [], rule.kept)
         self.rule, self.last_recorded_ns = rule, 0
-        # Those without a counterpart yet, by time: whether replayed, the tick at which it was known, and the record.
-        self._waiting: dict[int, list[tuple[bool, int, Any]]] = {}
+        self.waiting: dict[int, list[tuple[bool, int, Any]]] = {}
 
     def add(self, record: Any, t_ns: int, known_ns: int = 0, *, replayed: bool) -> None:
         """Add a record of the recording or of its replay, with its time and the tick at which it was known."""
@@ -127,35 +127,24 @@ class Compared:
             self.found.replayed += not self.rule.shared
         else:
             self.found.recorded, self.last_recorded_ns = self.found.recorded + 1, t_ns
-        waiting = self._waiting.get(t_ns)
+        waiting = self.waiting.get(t_ns)
         if waiting is None or waiting[0][0] == replayed:
-            self._waiting.setdefault(t_ns, []).append((replayed, known_ns or t_ns, record))
+            self.waiting.setdefault(t_ns, []).append((replayed, known_ns or t_ns, record))
             return
         other = waiting.pop(0)[-1]
         if not waiting:
-            del self._waiting[t_ns]
+            del self.waiting[t_ns]
         self.found.replayed += self.rule.shared
         self._compare(t_ns, *((other, record) if replayed else (record, other)))
-
-    @property
-    def waits(self) -> bool:
-        """Whether any record has no counterpart yet."""
-        return bool(self._waiting)
-
-    def count(self, n_equal: int, last_ns: int) -> None:
-        """Count records that are equal on both sides, the last one of this time."""
-        self.found.recorded += n_equal
-        self.found.replayed += n_equal
-        self.last_recorded_ns = last_ns
 
     def settle(self, until_ns: int, cut_ns: int = NEVER_NS) -> None:
         """Note what is on one side only: both are complete up to the tick ``until_ns``.
 
         What only the replay has from ``cut_ns`` on does not count: the recording was cut there.
         """
-        for t_ns in sorted(self._waiting):
-            if self._waiting[t_ns][-1][1] < until_ns:
-                for replayed, _, record in self._waiting.pop(t_ns):
+        for t_ns in sorted(self.waiting):
+            if self.waiting[t_ns][-1][1] < until_ns:
+                for replayed, _, record in self.waiting.pop(t_ns):
                     if not replayed:
                         self._compare(t_ns, record, None)
                     elif self.rule.shared:
@@ -234,11 +223,10 @@ class Comparing:
         """Compare what both sides begin with as far as it is equal, and the rest before a tick one by one."""
         for kind, (recorded, replayed) in self._new.items():
             n = self._count_equal(kind, recorded, replayed)
-            rest = recorded[n:]
-            recorded[:] = [one for one in rest if one.log_ns >= t_ns]
-            for one in rest:
-                if one.log_ns < t_ns:
-                    self._add(one, replayed=False)
+            known = [one for one in recorded[n:] if one.log_ns < t_ns]
+            recorded[:] = [one for one in recorded[n:] if one.log_ns >= t_ns]
+            for one in known:
+                self._add(one, replayed=False)
             for one in replayed[n:]:
                 self._add(one, replayed=True)
             replayed.clear()
@@ -246,22 +234,24 @@ class Comparing:
     def _count_equal(self, kind: type[Record], recorded: list[Any], replayed: list[Any]) -> int:
         """Count the first records of both sides that are equal one by one; return how many."""
         rule = self._rules[kind]
-        if self._from_ns or any(one.waits for one in self._streams.values() if one.rule is rule):
+        if self._from_ns or any(one.waiting for one in self._streams.values() if one.rule is rule):
             return 0
         fields, most = _compared_fields(kind, rule.left_out), min(len(recorded), len(replayed))
         equal = map(eq, map(fields, recorded), map(fields, replayed))
         n = next((k for k, one in enumerate(equal) if not one), most)
         for where, count in Counter(one.where for one in recorded[:n]).items():
-            self._stream(kind, where).count(count, recorded[n - 1].t_ns)
+            stream = self._stream(kind, where)
+            stream.last_recorded_ns = recorded[n - 1].t_ns
+            stream.found.recorded += count
+            stream.found.replayed += count
         return n
 
     def _add(self, record: Any, *, replayed: bool) -> None:
         """Add a record to its stream, unless the recording begins later."""
-        known_ns = record.log_ns
-        if self._from_ns == 0 or known_ns >= self._from_ns:
-            where = record.where
-            stream = self._streams.get(where) or self._stream(type(record), where)
-            stream.add(record, record.t_ns, known_ns, replayed=replayed)
+        if self._from_ns == 0 or record.log_ns >= self._from_ns:
+            self._stream(type(record), record.where).add(
+                record, record.t_ns, record.log_ns, replayed=replayed
+            )
 
     def _add_made(self, frame: VestFrame) -> None:
         sent = SentFrame(t_ns=frame.t_ns, layout=frame.layout, intensities=frame.intensities)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from functools import cache, partial
-from itertools import chain, repeat
+from functools import cache, cached_property, partial
+from itertools import chain
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
@@ -95,7 +95,6 @@ class RecordFeed:
         self._early = lead_in(self.reader, self.head.from_ns)
         if not (self._early or self.reader.until_ns):
             raise RecordingError(f"{path.name}: holds nothing but its settings", "the run had not begun")
-        self._messages: Iterator[tuple[Message, list[Callable[[], object]] | None]] | None = None
         self._next: tuple[Message, list[Callable[[], object]] | None] | None = None
         self._read_ns = -1
         self._end = next(reversed(self.beforehand(records.End)), None)
@@ -153,9 +152,7 @@ class RecordFeed:
 
     def _read_to(self, until_ns: int) -> int:
         """Publish what was logged until then; return when the next or last message was, from the session's start."""
-        if self._messages is None:
-            self._messages = self._begun()
-            self._next = next(self._messages, None)
+        self._next = self._next or next(self._messages, None)
         while self._next is not None and (log_ns := self._next[0].log_ns) <= until_ns:
             self.newest_ns = max(self.newest_ns, log_ns - self.epoch_ns)
             self._take(*self._next)
@@ -165,22 +162,15 @@ class RecordFeed:
         next_ns = log_ns if self._next is not None else self.reader.until_ns * (not self.reader.cut)
         return next_ns - self.epoch_ns
 
-    def _begun(self) -> Iterator[tuple[Message, list[Callable[[], object]] | None]]:
-        """Return the messages, each with what is to be called in its turn."""
-        messages = chain(self._early, self.reader.in_order(self._wanted))
-        if not self._wants(Picture):
-            return zip(messages, repeat(None))
-        return compute_ahead(
-            paired(messages), self._finger_of, self._compute, quick=lambda _message: self.by_cells
-        )
+    @cached_property
+    def _messages(self) -> Iterator[tuple[Message, list[Callable[[], object]] | None]]:
+        """The messages, each with what is to be called in its turn; made when everybody has subscribed."""
+        messages = paired(chain(self._early, self.reader.in_order(self._wanted)))
+        return compute_ahead(messages, self._finger_of, self._compute, quick=lambda _message: self.by_cells)
 
     def _wanted(self, schema: str, topic: str) -> bool:
-        kind, _ = _kind_of(schema, topic)
-        unread = self.by_cells and schema in PICTURES
-        return kind is not None and self._wants(kind) and not unread
-
-    def _wants(self, kind: type[Record]) -> bool:
-        return self.bus.wants(kind) or (kind is Picture and bool(self.ahead))
+        kind = None if self.by_cells and schema in PICTURES else _kind_of(schema, topic)[0]
+        return kind is not None and (self.bus.wants(kind) or (kind is Picture and bool(self.ahead)))
 
     def _compute(self, message: Message) -> list[Callable[[], object]]:
         """Decode a picture and call the functions for it, as a rule ahead; return those to call in its turn."""

@@ -20,7 +20,6 @@ from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import record_versions
 from tega.recording.origin import LEAD_IN, made_with, span
-from tega.recording.pictures import has_cells
 from tega.recording.session import FORMAT
 from tega.runtime.files.foreign_file import load_npy, parse_json, parse_toml
 
@@ -59,13 +58,6 @@ class Head(msgspec.Struct, frozen=True):
     def lossless(self) -> bool:
         """Whether the pictures are as they were."""
         return self.facts["lossless"] == "true"
-
-    @property
-    def has_cells(self) -> bool:
-        """Whether every picture as large as its baseline stands beside its cells, as in files since version 4."""
-        sizes = [image.shape[:2] for image in self.baselines.values()]
-        since = int(self.versions.get("Frame", "1")) >= 4
-        return since and not self.lossless and all(has_cells(*size) for size in sizes)
 
 
 def read_head(reader: McapReader) -> Head:

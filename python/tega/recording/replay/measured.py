@@ -20,7 +20,7 @@ from tega.loop.emg_adaptation import ChannelAdaptation, read_switches
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import BlockMeter, SourceReport, chunk_of, frame_of
 from tega.loop.inbox.stream import NEVER_NS
-from tega.recording.pictures import read_sums
+from tega.recording.pictures import has_cells, read_sums
 from tega.recording.replay.compare import MEASURED
 from tega.recording.replay.feed import Newest, RecordFeed
 from tega.recording.replay.head import Head, contacts_kept, levels_kept, metric_change, with_changes
@@ -73,8 +73,11 @@ class MeasuredFingers:
             feed.bus.subscribe(Picture, lambda picture: self._measure(picture)(), vital=True)
         else:
             feed.ahead.append(self._measure)
-            by_sums = all(meter.metric.reads_sums for meter in self._meters.values())
-            feed.by_cells = head.has_cells and by_sums and not feed.bus.wants(Picture)
+            # Since version 4 of its record a JPEG of the baseline's size stands beside its cells.
+            beside = int(head.versions.get("Frame", "1")) >= 4 and not head.lossless
+            beside = beside and all(has_cells(*image.shape[:2]) for image in head.baselines.values())
+            by_sums = beside and all(meter.metric.reads_sums for meter in self._meters.values())
+            feed.by_cells = by_sums and not feed.bus.wants(Picture)
 
     def at(self, recorded: Contact) -> Contact | None:
         """Return the contact measured in the picture of a recorded one, ``None`` where there is none."""

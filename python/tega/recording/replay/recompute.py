@@ -77,6 +77,7 @@ class Replay(msgspec.Struct, frozen=True):
 
 
 @reports_damage
+@settled()
 def replay_file(
     path: Path,
     *,
@@ -110,8 +111,7 @@ def replay_file(
     if feed.holds(ArmTurn):
         repeat_turns(feed.bus, head.arm, bus)
     long = feed.reader.until_ns - feed.reader.from_ns > _LONG_NS
-    again = measured.again
-    with settled(), nullcontext(list) if again else _begun_errors(path, config, sets, long=long) as errors:
+    with nullcontext(list) if measured.again else _begun_errors(path, config, sets, long=long) as errors:
         end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
         streams, pictures = list(comparing.results()), errors()
     return Replay(
