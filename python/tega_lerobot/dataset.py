@@ -217,9 +217,9 @@ class _Dataset:
     def _described(self, episode: Episode) -> dict[str, Any]:
         features: dict[str, Any] = {}
         for finger, (height, width) in self._shapes(episode).items():
-            if height % 2 or width % 2:
+            if not height * width or height % 2 or width % 2:
                 raise RecordingError(
-                    f"{episode.path.name}: {finger}: {width}×{height} pixels are not even",
+                    f"{episode.path.name}: {finger}: {width}×{height} pixels are none, or not even",
                     "a video in this format needs even numbers of pixels",
                 )
             features[f"observation.images.{finger}"] = {
@@ -229,7 +229,7 @@ class _Dataset:
                 "info": {
                     "video.height": height,
                     "video.width": width,
-                    "video.codec": "av1" if CODEC == "libsvtav1" else CODEC,
+                    "video.codec": CODEC,
                     "video.pix_fmt": PIXELS,
                     "video.is_depth_map": False,
                     "video.fps": self._fps,

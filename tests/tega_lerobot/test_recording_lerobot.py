@@ -275,7 +275,7 @@ def test_pictures_without_pixels_are_an_error_that_names_the_recording(
         return value
 
     odd = rewritten(lossless, tmp_path / "odd.mcap", emptied)
-    with pytest.raises(RecordingError, match=r"odd\.mcap: damaged, or not written by TEGA"):
+    with pytest.raises(RecordingError, match=r"odd\.mcap: thumb: 0×0 pixels are none, or not even"):
         export_lerobot([odd], tmp_path / "dataset", fps=FPS)
 
 
