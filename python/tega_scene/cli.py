@@ -256,9 +256,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
     show_default=True,
     help="Format of the video.",
 )
-@click.option(
-    "--seconds", type=click.FloatRange(0.1), help="Seconds after which recording stops; else Ctrl-C stops it."
-)
+@click.option("--seconds", type=click.FloatRange(0.1), help="Seconds to record; else Ctrl-C stops it.")
 @json_option
 def record(
     *,
@@ -275,6 +273,7 @@ def record(
     With --json: {"cameras": {name: {"pictures", "seen", "dropped", "missed", "longest_gap_s", "lost", "trouble"}}}.
     """
     import time
+    from functools import cache
 
     import msgspec
 
@@ -284,14 +283,15 @@ def record(
     named = dict(text.partition("=")[::2] for text in cameras)
     if len(named) < len(cameras) or not all(named.values()):
         raise click.UsageError("--camera: write each as front=0, with a name of its own")
-    end_s = None if seconds is None else time.monotonic() + seconds
+    # Asked for the first time once every camera films: opening them may take seconds.
+    begin_s = cache(time.monotonic)
     with CtrlC() as stop:
         found = record_cameras(
             out,
             named,
             size=size,
             rate_hz=rate_hz,
-            stop=lambda: stop() or (end_s is not None and time.monotonic() >= end_s),
+            stop=lambda: stop() or (seconds is not None and time.monotonic() >= begin_s() + seconds),
             video=video,
         )
     if as_json:

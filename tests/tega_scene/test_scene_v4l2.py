@@ -79,7 +79,7 @@ def recording(
 @pytest.mark.parametrize("source", [NODE, "77"])
 def test_a_uvc_camera_is_filmed(plain: Path, tmp_path: Path, source: str) -> None:
     out = tmp_path / "session.mcap"
-    with recording(plain, out, source=source) as running:
+    with recording(plain, out, source=source, seconds="1") as running:
         message = running.communicate(timeout=20)[0]
     assert running.returncode == 0, message
     n_written = export_camera(out, "front", tmp_path / "front.mp4")
