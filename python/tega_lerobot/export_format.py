@@ -9,12 +9,14 @@ import click
 
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import progress_bar
-from tega_lerobot.dataset import export_lerobot
 
 
 def _export(
     recordings: Sequence[Path], out: Path, *, fps: int, task: str | None, scenes: Sequence[str]
 ) -> list[Path]:
+    # The help of `recording export` lists the formats, and a table needs nothing of this one.
+    from tega_lerobot.dataset import export_lerobot
+
     named = dict(one.partition("=")[::2] for one in scenes)
     if not all(named.values()) or len(named) < len(scenes):
         raise click.BadParameter("name each camera once, as NAME=VIDEO.mp4", param_hint="--scene")
