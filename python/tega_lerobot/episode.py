@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from operator import attrgetter
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -18,7 +19,7 @@ from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader, Message, Progress, read_picture
 from tega.recording.origin import span
 from tega.recording.pictures import PICTURES, compute_ahead
-from tega.records import Contact, HandCommand
+from tega.records import Contact, HandCommand, Marker
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega_lerobot.streams import (
@@ -46,14 +47,6 @@ _BEFORE_S: Final = 1.0
 """A picture older than this at the first frame is none of the episode; likewise at the last."""
 
 
-class EpisodeMarker(NamedTuple):
-    """A marked moment; ``t_ns`` counts from the start of the session."""
-
-    t_ns: int
-    text: str
-    source: str
-
-
 class Episode(NamedTuple):
     """A recording at a fixed rate.
 
@@ -74,7 +67,7 @@ class Episode(NamedTuple):
     columns: dict[str, Column]
     shapes: dict[str, tuple[int, int]]
     displayed: dict[str, NDArray[np.int64]]
-    markers: list[EpisodeMarker]
+    markers: list[Marker]
     tables: dict[str, dict[str, str]]
     progress: Progress | None = None
 
@@ -126,7 +119,7 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
     reader, streams = McapReader(path), dict[str, Stream]()
     reader.progress = progress or reader.progress
     shapes: dict[str, tuple[int, int]] = {}
-    markers: list[EpisodeMarker] = []
+    markers: list[Marker] = []
     epoch_ns = layout = None
     for message in reader.messages(lambda topic: not _FRAMES.fullmatch(topic), every=False):
         if epoch_ns is None:
@@ -141,7 +134,7 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
                 shapes[finger] = read_picture(message).shape[:2]
             stream.add(t_ns, None)
         elif message.topic in _MARKERS:
-            markers.append(EpisodeMarker(message.value.t_ns, message.value.text, message.value.source))
+            markers.append(read(Marker, message.value))
         else:
             _keep(stream, message, t_ns)
     if not layout:
@@ -168,7 +161,7 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
     for finger in shapes:
         newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
         displayed[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
-    markers.sort()
+    markers.sort(key=attrgetter("t_ns", "text", "source"))
     return Episode(
         path, fps, begin_ns, int(n_frames), columns, shapes, displayed, markers, reader.metadata, progress
     )

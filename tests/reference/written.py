@@ -24,23 +24,25 @@ _FOOTER = struct.Struct("<BQQQI")
 def mcap_trouble(data: bytes) -> str:
     """Return what is wrong with a finished recording, ``""`` for nothing.
 
-    Every record is read, with the checksum of every chunk; the summary's checksum, and what it counts, are those of the
-    records.
+    Every record is read, with the checksum of every chunk; the summary's checksum, what it counts, and where it says
+    that chunks and their lists of messages are, are those of the records.
     """
     from mcap.reader import make_reader
-    from mcap.records import Message
+    from mcap.opcode import Opcode
+    from mcap.records import Message, MessageIndex
     from mcap.stream_reader import StreamReader
 
     try:
         kinds: Counter[str] = Counter()
         topics: Counter[int] = Counter()
+        indexed: Counter[int] = Counter()
         for record in StreamReader(io.BytesIO(data), validate_crcs=True).records:
             kinds[type(record).__name__] += 1
             if isinstance(record, Message):
                 topics[record.channel_id] += 1
-        reader = make_reader(io.BytesIO(data), validate_crcs=True)
-        summary = reader.get_summary()
-        n_indexed = sum(1 for _ in reader.iter_messages(log_time_order=False))
+            elif isinstance(record, MessageIndex):
+                indexed[record.channel_id] += len(record.records)
+        summary = make_reader(io.BytesIO(data), validate_crcs=True).get_summary()
     except Exception as error:  # whatever the public reader does not take is a fault of ours
         return f"{type(error).__name__}: {error}"
     _, _, begins, _, stated = _FOOTER.unpack_from(data, len(data) - len(_MAGIC) - _FOOTER.size)
@@ -50,8 +52,15 @@ def mcap_trouble(data: bytes) -> str:
     counts = None if summary is None else summary.statistics
     if counts is None:
         return "no statistics"
+    assert summary is not None
+    lists = [at for one in summary.chunk_indexes for at in one.message_index_offsets.values()]
     message = {
-        "messages": (counts.message_count, topics.total(), n_indexed),
+        "messages": (counts.message_count, topics.total(), indexed.total()),
+        "chunks": (
+            counts.chunk_count,
+            sum(data[one.chunk_start_offset] == Opcode.CHUNK for one in summary.chunk_indexes),
+        ),
+        "lists of messages": (kinds["MessageIndex"], sum(data[at] == Opcode.MESSAGE_INDEX for at in lists)),
         "attachments": (counts.attachment_count, kinds["Attachment"]),
         "tables": (counts.metadata_count, kinds["Metadata"]),
         "messages by channel": ({k: n for k, n in counts.channel_message_counts.items() if n}, dict(topics)),

@@ -248,7 +248,7 @@ def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: Ar
         pose |= {f"arm_target.{name}": 3.0 * at[f"arm.{name}"] for name in names[3:]}  # of no unit length
         until_s = time.monotonic() + 60
         while sent < 1.0 or robot.get_observation()["arm.x_m"] < 0.69:  # the box ends at 0.70
-            words = next(robot._seat.run[0]).arm
+            words = next(robot._joined[0]).arm
             if words.startswith("following"):
                 pose["arm_target.x_m"] = min(pose["arm_target.x_m"] + 0.02, 1.0)  # faster than it may go
             elif arm_lab.buttons.taken_hold == ("press it again" in words):
@@ -257,7 +257,7 @@ def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: Ar
             assert np.linalg.norm([action[f"arm_target.{name}"] for name in names[3:]]) == pytest.approx(1)
             sent = action["arm_target.x_m"]
             assert time.monotonic() < until_s, words
-        while not next(robot._seat.run[0]).arm.startswith(("idle", "stopped")):
+        while not next(robot._joined[0]).arm.startswith(("idle", "stopped")):
             assert time.monotonic() < until_s
     recorded = open_recording(tmp_path / "recorded")
     turns = list(recorded["/arm/turn"])

@@ -123,7 +123,7 @@ def _with_table(source: Path, target: Path, name: str, table: dict[str, str]) ->
         for item in McapRecords(old):
             if item.kind == "Message" and not begun:
                 begun = True
-                copy.table(name, table)
+                copy.writer.add_metadata(name, table)
             copy.take(item)
         copy.finish()
     return target

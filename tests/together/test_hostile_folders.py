@@ -17,7 +17,7 @@ from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
 from tega.loop.worn_vest import KeptDose
 from tega.recording import mcap_reader
-from tega.recording.disk import SpooledFile
+from tega.recording.disk import RecordingDisk
 from tega.recording.mcap_folder import SessionFolder, recorded_task, recover_file, session_files
 from tega.recording.remake import encode_session, merge_sessions
 from tega.recording.run_tables import OUTPUT_NAMES, prepare_folder
@@ -92,7 +92,7 @@ def test_a_recording_writes_its_note_through_no_link(mine: Path, tmp_path: Path)
     part = tmp_path / "trial-001.mcap.part"
     part.with_name(f"{part.name}.tail").symlink_to(mine)
     with part.open("xb", buffering=0) as raw:
-        SpooledFile(raw, part, most_bytes=1000).close()
+        RecordingDisk(raw, part, most_bytes=1000).close()
     assert mine.read_text() == PRECIOUS
 
 

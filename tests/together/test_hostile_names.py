@@ -49,7 +49,7 @@ def hostile(source: Path, target: Path, *, attached: str = "", finger: str = "")
             else:
                 copy.take(item)
         if attached:
-            copy.attach(attached, "text/plain", b"stolen")
+            copy.writer.add_attachment(0, 0, attached, "text/plain", b"stolen")
         copy.finish()
     return target
 

@@ -5,13 +5,11 @@ from __future__ import annotations
 import errno
 import io
 import json
-import os
 import random
 import shutil
 import subprocess
 import sys
 import tempfile
-import threading
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path
@@ -25,14 +23,14 @@ from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import StreamReader
 
 from reference.sessions import SECONDS, messages, record, stream, tree
-from tega.config import RecordingSection, check_tree
+from tega.config import check_tree
 from tega.config.attached import config_text
 from tega.loop import run_session
-from tega.recording.disk import open_disk, rescue_tails
+from tega.recording import disk, mcap_recorder
+from tega.recording.disk import RecordingDisk, rescue_tails
 from tega.recording.inspection import inspect_file
-from tega.recording.mcap_file import BoundedQueue, Item
 from tega.recording.mcap_folder import SessionFolder, session_files
-from tega.recording.mcap_recorder import McapRecorder
+from tega.recording.recorder_process import BoundedQueue, Item
 from tega.recording.replay import replay_file
 from tega.records import Marker, Picture
 from tega_campaigns.kills import kill_one, settings
@@ -108,49 +106,6 @@ def picture(k: int) -> Picture:
     return Picture(finger="thumb", image=image, t_ns=t_ns, received_ns=t_ns, seq=k, name=f"frame {k}")
 
 
-def test_a_disk_that_does_not_keep_up_costs_pictures_which_are_counted(tmp_path: Path) -> None:
-    pipe = tmp_path / "pipe"
-    os.mkfifo(pipe)
-    let_go, data = threading.Event(), bytearray()
-
-    def slow_disk() -> None:
-        with pipe.open("rb", buffering=0) as file:
-            let_go.wait()
-            while part := file.read(1 << 16):
-                data.extend(part)
-
-    disk = threading.Thread(target=slow_disk)
-    disk.start()
-    folder = SessionFolder(tmp_path / "session")
-    recorder = McapRecorder(
-        folder,
-        RecordingSection(lossless=True, queue_mib=4.0, stop_free_mib=0.0),
-        raw=pipe.open("wb", buffering=0),
-    )
-    recorder.head({"tega": {"format": "test"}}, {})
-    recorder.begin(0, 0)
-    try:
-        for k in range(100):  # 23 MB for a disk that takes nothing: every call returns all the same
-            recorder.put(picture(k))
-            recorder.put(Marker(t_ns=k * 1000, text=f"after {k}"))
-        lost = recorder.dropped
-    finally:
-        let_go.set()
-    facts = recorder.finish()
-    disk.join()
-    assert set(lost) == {"/tactile/thumb/image"}
-    dropped = lost["/tactile/thumb/image"]
-    assert 60 < dropped < 100
-    assert facts["state"] == "complete"
-    assert facts["dropped"] == lost
-    path = tmp_path / "slow.mcap"
-    path.write_bytes(data)
-    found = {s.topic: s for s in inspect_file(path).streams}
-    assert found["/tactile/thumb/image"].messages == 100 - dropped
-    assert found["/tactile/thumb/image"].dropped == dropped
-    assert found["/run/marker"].messages == 100
-
-
 FULL = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (6_000_000, 6_000_000))
@@ -214,20 +169,13 @@ def test_a_full_disk_stops_the_recording_and_not_the_run(tmp_path: Path) -> None
     check_full(summary, message, kept, "No space left on device")
 
 
-def test_too_little_room_finishes_the_file_in_time(tmp_path: Path) -> None:
+def test_too_little_room_finishes_the_file_in_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_recorder, "FLUSH_NS", 0)  # what is finished is not flushed after that
     config = check_tree(tree(tmp_path, stop_free_mib=1e9), {}, base=tmp_path).config
     summary = run_session(config)
     assert summary["ended"] == "complete"
     assert "recording.stop_free_mib" in summary["recording"]["reason"]
     assert replay_file(tmp_path / "trial-001.mcap").same
-
-
-def test_a_file_that_little_room_has_finished_is_not_flushed_in_the_same_turn(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tega.recording.mcap_recorder.FLUSH_NS", 0)  # every turn of the recorder flushes
-    summary = run_session(check_tree(tree(tmp_path, stop_free_mib=1e9), {}, base=tmp_path).config)
-    assert "recording.stop_free_mib" in summary["recording"]["reason"]
 
 
 def test_what_is_left_out_of_a_queue_is_counted_and_small_things_go_on() -> None:
@@ -273,29 +221,17 @@ for k in range(40):
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     recorder.put(Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name=""))
     recorder.put(Marker(t_ns=k, text=f"after {k}"))
-while recorder.facts()["written"].get("/run/marker", 0) < 40 or recorder.facts()["bytes"] < 40 * 230_400:
-    time.sleep(0.05)
+recorder.leave()
 time.sleep(0.5)
 os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
-def test_what_a_standing_disk_has_not_taken_outlives_a_kill(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, text=True, check=False, timeout=120
-    )
-    assert done.returncode == -9, done.stderr
-    assert "stuck" in done.stdout
-    part, note = tmp_path / "trial-001.mcap.part", tmp_path / "trial-001.mcap.part.tail"
-    assert part.stat().st_size < 6_000_000  # of nine million
-    memory = Path("/dev/shm") / note.read_text()
-    (recovered,) = SessionFolder(tmp_path).recovered
-    found = {s.topic: s.messages for s in inspect_file(recovered.path).streams}
-    assert found["/tactile/thumb/image"] == found["/run/marker"] == 40
-    assert not memory.exists()
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["session.json", "trial-001.mcap"]
+def test_where_the_system_keeps_no_files_in_memory_the_disk_is_waited_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(disk, "_MEMORY", tmp_path / "none")
+    assert len(messages(record(tmp_path / "session", duration_s=0.3))) > 50
 
 
 def test_a_note_of_memory_that_is_gone_or_not_ours_is_taken_away_alone(tmp_path: Path) -> None:
@@ -348,7 +284,7 @@ def test_what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_o
     memory = Path("/dev/shm") / (tmp_path / "trial-001.mcap.part.tail").read_text()
     assert memory.is_dir()
     with (tmp_path / "other").open("xb", buffering=0) as raw:
-        open_disk(raw, tmp_path / "other", most_bytes=1000).close()
+        RecordingDisk(raw, tmp_path / "other", most_bytes=1000).close()
     assert not memory.exists()
     assert part.stat().st_size > 9_000_000
     (recovered,) = SessionFolder(tmp_path).recovered
@@ -380,8 +316,8 @@ def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(
     def full(*_given: Any, **_more: Any) -> Any:
         raise OSError(errno.ENOSPC, "No space left on device")
 
-    with monkeypatch.context() as disk:
-        disk.setattr("tega.recording.mcap_folder.new_file", full)
+    with monkeypatch.context() as patch:
+        patch.setattr("tega.recording.mcap_folder.new_file", full)
         (found,) = session_files(part.parent)
         assert found == part
         inspection = inspect_file(found)

@@ -20,7 +20,7 @@ def recorded(folder: Path, records: Sequence[Record]) -> KeptCounts:
     """Record these, and look."""
     tree = {"recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0}}
     settings = check_tree(tree, {}, base=folder).config.recording
-    recorder = McapRecorder(SessionFolder(folder / "session"), settings, wait=True)
+    recorder = McapRecorder(SessionFolder(folder / "session"), settings)
     recorder.head({}, {})
     recorder.begin(0, 1_000_000_000_000_000_000)
     for record in records:

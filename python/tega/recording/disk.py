@@ -35,77 +35,26 @@ _PIECE_BYTES = 1024 * 1024
 _KEPT_S = 86_400.0
 
 
-def open_disk(raw: BinaryIO, path: Path, *, most_bytes: int) -> DirectFile | SpooledFile:
-    """Return the file to write a recording through: by way of memory where the system has such a folder.
-
-    ``raw`` is opened for writing without a buffer; at most ``most_bytes`` wait in memory.
-    """
-    if raw.seekable() and _MEMORY.is_dir():
-        rescue_tails()
-        with contextlib.suppress(OSError):
-            return SpooledFile(raw, path, most_bytes=most_bytes)
-    return DirectFile(raw)
-
-
-class DirectFile:
-    """A file that is written at once. After the first error it takes everything and keeps nothing.
-
-    The writer of the SDK would otherwise retry with every message; the owner checks :attr:`error`, the reason
-    why the file cannot be written any more. ``raw`` is opened for writing without a buffer.
-    """
-
-    def __init__(self, raw: BinaryIO) -> None:
-        self._raw = raw
-        self.n_bytes = 0
-        self.error: OSError | None = None
-
-    def write(self, data: bytes) -> int:
-        """Write, and return how much."""
-        if self.error is None:
-            try:
-                _write(self._raw, data)
-            except OSError as error:
-                self.error = error
-        self.n_bytes += len(data)
-        return len(data)
-
-    def seek(self, offset: int, whence: int = 0) -> int:
-        """Return the place in the file, which cannot be changed."""
-        return _place(self.n_bytes, offset, whence)
-
-    def flush(self) -> None:
-        """Do nothing: everything was written at once."""
-
-    def close(self) -> None:
-        """Do nothing: everything was written at once."""
-
-
-class SpooledFile:
+class RecordingDisk:
     """A file that is written by a thread of its own; bytes not written yet outlive the process.
 
-    ``raw`` is opened for writing without a buffer, and empty. :meth:`flush` waits while more than
-    ``most_bytes`` are in memory. From an ``error`` on everything is discarded. ``OSError`` where the folder
-    in memory, or the note beside the file, cannot be made.
+    ``raw`` is opened for writing without a buffer, and empty. :meth:`flush` waits while more than ``most_bytes`` are
+    in memory; where the system has no such folder, or ``raw`` is a pipe, until all is written. From an ``error`` on
+    everything is discarded: the writer of the SDK would otherwise retry with every message.
     """
 
     def __init__(self, raw: BinaryIO, path: Path, *, most_bytes: int) -> None:
         self._raw = raw
         self._most_bytes = most_bytes
-        own = os.fstat(raw.fileno())
-        self._folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=_MEMORY))
         self._note = path.with_name(path.name + _TAIL)
-        try:
-            self._owner = (self._folder / _OWNER).open("xb")
-            lock_file(self._owner, self._folder / _OWNER)
-            owner = {"path": str(path.absolute()), "file": [own.st_dev, own.st_ino]}
-            self._owner.write(json.dumps(owner).encode())
-            self._owner.flush()
-            write_whole(self._note, self._folder.name)
-        except OSError:
-            shutil.rmtree(self._folder, ignore_errors=True)
-            raise
+        self._folder: Path | None = None
+        self._owner: BinaryIO
+        if raw.seekable() and _MEMORY.is_dir():
+            rescue_tails()
+            with contextlib.suppress(OSError):
+                self._open_folder(path)
         self._buffer = bytearray()
-        self._pieces: deque[tuple[int, int, bytes | None]] = deque()
+        self._pieces = deque[tuple[Path | bytes, int]]()
         self._waiting_bytes = 0
         self._change = threading.Condition()
         self._closing = False
@@ -113,6 +62,21 @@ class SpooledFile:
         self.error: OSError | None = None
         self._thread = threading.Thread(target=self._work, name="tega-recorder-disk", daemon=True)
         self._thread.start()
+
+    def _open_folder(self, path: Path) -> None:
+        own = os.fstat(self._raw.fileno())
+        folder = Path(tempfile.mkdtemp(prefix=_PREFIX, dir=_MEMORY))
+        try:
+            self._owner = (folder / _OWNER).open("xb")
+            lock_file(self._owner, folder / _OWNER)
+            owner = {"path": str(path.absolute()), "file": [own.st_dev, own.st_ino]}
+            self._owner.write(json.dumps(owner).encode())
+            self._owner.flush()
+            write_whole(self._note, folder.name)
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
+        self._folder = folder
 
     def write(self, data: bytes) -> int:
         """Take, and return how much."""
@@ -124,7 +88,9 @@ class SpooledFile:
 
     def seek(self, offset: int, whence: int = 0) -> int:
         """Return the place in the file, which cannot be changed."""
-        return _place(self.n_bytes, offset, whence)
+        if (0, self.n_bytes, self.n_bytes)[whence] + offset != self.n_bytes:
+            raise OSError("a recording is written from its beginning to its end")
+        return self.n_bytes
 
     def flush(self) -> None:
         """Move the buffered bytes to where they outlive this process; waits only if memory is full."""
@@ -132,13 +98,12 @@ class SpooledFile:
         self._buffer.clear()
         if not data or self.error is not None:
             return
-        at = self.n_bytes - len(data)
-        kept = self._keep(at, data)
+        piece = self._kept(data)
         with self._change:
-            self._pieces.append((at, len(data), None if kept else data))
+            self._pieces.append((piece, len(data)))
             self._waiting_bytes += len(data)
             self._change.notify_all()
-            most = self._most_bytes if kept else 0
+            most = self._most_bytes if isinstance(piece, Path) else 0
             self._change.wait_for(lambda: self._waiting_bytes <= most or self.error is not None)
 
     def close(self) -> None:
@@ -151,23 +116,23 @@ class SpooledFile:
         self._forget()
 
     def _forget(self) -> None:
-        self._note.unlink(missing_ok=True)
-        shutil.rmtree(self._folder, ignore_errors=True)
-        self._owner.close()
+        if self._folder is not None:
+            self._note.unlink(missing_ok=True)
+            shutil.rmtree(self._folder, ignore_errors=True)
+            self._owner.close()
 
-    def _piece(self, at: int) -> Path:
-        return self._folder / f"{at:016d}"
-
-    def _keep(self, at: int, data: bytes) -> bool:
-        """Put a piece into memory, whole or not at all; return whether there was room."""
-        new = self._folder / "new"
+    def _kept(self, data: bytes) -> Path | bytes:
+        """Put the newest bytes into memory, whole or not at all; return their file, or the bytes without room."""
+        if self._folder is None:
+            return data
+        new, piece = self._folder / "new", self._folder / f"{self.n_bytes - len(data):016d}"
         try:
             new.write_bytes(data)
-            new.replace(self._piece(at))
+            new.replace(piece)
         except OSError:
             new.unlink(missing_ok=True)
-            return False
-        return True
+            return data
+        return piece
 
     def _work(self) -> None:
         while True:
@@ -175,14 +140,15 @@ class SpooledFile:
                 self._change.wait_for(lambda: self._pieces or self._closing)
                 if not self._pieces:
                     return
-                at, n_bytes, data = self._pieces.popleft()
+                piece, n_bytes = self._pieces.popleft()
             if self.error is None:
                 try:
-                    _write(self._raw, self._piece(at).read_bytes() if data is None else data)
+                    _write(self._raw, piece.read_bytes() if isinstance(piece, Path) else piece)
                 except OSError as error:
                     self.error = error
                     self._forget()
-            self._piece(at).unlink(missing_ok=True)
+            if isinstance(piece, Path):
+                piece.unlink(missing_ok=True)
             with self._change:
                 self._waiting_bytes -= n_bytes
                 self._change.notify_all()
@@ -247,10 +213,3 @@ def _write(raw: BinaryIO, data: bytes) -> None:
     left = memoryview(data)
     while left:
         left = left[raw.write(left) :]
-
-
-def _place(n_bytes: int, offset: int, whence: int) -> int:
-    at = (0, n_bytes, n_bytes)[whence] + offset
-    if at != n_bytes:
-        raise OSError("a recording is written from its beginning to its end")
-    return at

@@ -66,20 +66,21 @@ class McapRecords:
 class McapCopy:
     """A new file with an index, which takes records out of others; the caller closes the file.
 
-    ``end_ns`` is the log time of the newest message, nanoseconds since 1970; 0 when there is none.
+    ``writer`` is that of the package ``mcap``, to add tables and attachments. ``end_ns``
+    is the log time of the newest message, nanoseconds since 1970; 0 when there is none.
     """
 
     def __init__(self, file: IO[bytes]) -> None:
         writing = require("mcap.writer", driver="recording", extra="record")
-        self._writer = writing.Writer(file, compression=writing.CompressionType.ZSTD)
-        self._writer.start(library="tega")
+        self.writer = writing.Writer(file, compression=writing.CompressionType.ZSTD)
+        self.writer.start(library="tega")
         self._schemas: dict[tuple[str, bytes], int] = {}
         self._channels: dict[tuple[str, int], int] = {}
         self.n_messages = self.end_ns = 0
 
     def take(self, item: McapItem) -> None:
         """Write one."""
-        record, writer = item.record, self._writer
+        record, writer = item.record, self.writer
         if item.kind == "Message":
             writer.add_message(
                 self._channel(item), record.log_time, record.data, record.publish_time, record.sequence
@@ -92,29 +93,20 @@ class McapCopy:
         else:
             writer.add_metadata(record.name, record.metadata)
 
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Add a file of our own."""
-        self._writer.add_attachment(0, 0, name, media_type, data)
-
-    def table(self, name: str, values: dict[str, str]) -> None:
-        """Add a table of names and texts of our own."""
-        self._writer.add_metadata(name, values)
-
     def finish(self) -> None:
         """Write the index."""
-        self._writer.finish()
+        self.writer.finish()
 
     def _channel(self, item: McapItem) -> int:
         schema = 0
         if item.schema is not None:
-            key = (item.schema.name, item.schema.data)
-            if key not in self._schemas:
-                made = self._writer.register_schema(item.schema.name, item.schema.encoding, item.schema.data)
-                self._schemas[key] = made
-            schema = self._schemas[key]
+            name, encoding, data = item.schema.name, item.schema.encoding, item.schema.data
+            if (name, data) not in self._schemas:
+                self._schemas[name, data] = self.writer.register_schema(name, encoding, data)
+            schema = self._schemas[name, data]
         place = (item.channel.topic, schema)
         if place not in self._channels:
-            self._channels[place] = self._writer.register_channel(
+            self._channels[place] = self.writer.register_channel(
                 item.channel.topic, item.channel.message_encoding, schema, item.channel.metadata
             )
         return self._channels[place]

@@ -60,18 +60,19 @@ class IndexedReader(McapReader):
     """Reads messages of a recording by their places; ``topics`` is the schema's name by topic.
 
     ``from_ns`` and ``until_ns`` are the log times of its first and last message, nanoseconds since 1970; 0
-    without a message.
+    without a message. ``indexed`` is whether it has an index.
     """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
-        begun = next(self.messages(lambda _topic: False), None)  # refuses a file that is no recording
+        begun = self.begin()  # refuses a file that is no recording
         if begun is None and not (self.metadata or self._channels):
             raise no_session(path, ())
         self._chunks: list[_Chunk] = []
         self._passed: dict[str, NDArray[Any]] = {}
         self._newest: tuple[int, dict[str, list[Any]]] = (-1, {})
-        if begun is None or not self._read_summary():
+        self.indexed = begun is not None and self._read_summary()
+        if not self.indexed:
             self._pass_over()
         self.topics: dict[str, str] = {}
         for channel in self._channels.values():

@@ -130,6 +130,17 @@ class McapReader:
         """Whether the file was finished, and not recovered or cut, as far as that is known yet."""
         return not self.cut and "end" in self.metadata
 
+    def begin(self) -> Message | None:
+        """Read up to the first message, before which are the head's tables and attachments, and return that."""
+        return next(self.messages(lambda _topic: False), None)
+
+    def session_tables(self) -> Mapping[str, Mapping[str, str]]:
+        """Return the tables of the head; ``RecordingError`` if they are not those of a session that had begun."""
+        self.begin()
+        if "epoch_ns" not in self.metadata.get("tega", {}):
+            raise no_session(self.path, self.metadata)
+        return self.metadata
+
     def messages(
         self,
         wanted: Callable[[str], bool] = lambda _topic: True,

@@ -1,4 +1,4 @@
-"""Record a session: take records from others at once, while one thread encodes and writes them."""
+"""Record a session: encode and write records in the thread that hands them over."""
 
 from __future__ import annotations
 
@@ -6,15 +6,15 @@ import logging
 import shutil
 import threading
 import time
+from collections import Counter
 from collections.abc import Mapping
 from typing import Any, BinaryIO
 
 from tega.config import RecordingSection
 from tega.errors import RecordingError
-from tega.recording.mcap_file import BoundedQueue, Item, McapFile
+from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_folder import SessionFolder
 from tega.records import RECORDS, Record, RecorderStatus
-from tega.runtime.threads import run_realtime
 
 _LOG = logging.getLogger(__name__)
 
@@ -22,31 +22,21 @@ _LOG = logging.getLogger(__name__)
 FLUSH_NS = 100_000_000
 SYNC_S = 1.0
 STATUS_NS = 500_000_000
-_IDLE_S = 0.01
-# How long the end of a run waits for a slow disk.
-_DRAIN_S = 10.0
 _MIB = 1024 * 1024
 
 
 class McapRecorder:
     """Writes one trial of a session.
 
-    :meth:`put` never waits for the disk (unless ``wait``, for runs that are not in real time) and never
-    encodes. Records that do not fit into the queue, of ``queue_bytes`` or as the settings have it, are
-    dropped and counted, by topic. When the disk is full, or nearly so, the recording stops and reports it;
-    the run continues. ``raw`` is something else to write to than a file in the folder.
+    When the disk is full, or nearly so, the recording stops and reports it; the run continues, and further
+    records are dropped and counted, by topic. ``raw`` is something else to write to than a file in the
+    folder.
 
     ``state`` is ``recording``, ``stopped`` (for ``reason``) or ``complete``, when ``path`` is the file.
     """
 
     def __init__(
-        self,
-        folder: SessionFolder,
-        settings: RecordingSection,
-        *,
-        wait: bool = False,
-        queue_bytes: int | None = None,
-        raw: BinaryIO | None = None,
+        self, folder: SessionFolder, settings: RecordingSection, *, raw: BinaryIO | None = None
     ) -> None:
         self._folder = folder
         self._settings = settings
@@ -59,16 +49,13 @@ class McapRecorder:
             most_bytes=round(settings.queue_mib * _MIB),
             raw=raw,
         )
-        self._queue = BoundedQueue(
-            most_bytes=round(settings.queue_mib * _MIB) if queue_bytes is None else queue_bytes, wait=wait
-        )
+        self._lock = threading.RLock()  # a line of the log about the recording is a record too
         self.state, self.reason = "recording", ""
-        self.written: dict[str, int] = {}
-        self._newest_ns = 0
+        self._written, self._dropped = Counter[str](), Counter[str]()
+        self._waiting = (0, 0)
+        self._newest_ns = self._flushed_ns = self._status_ns = self._reported_dropped = 0
         self._warned = False
-        self._reported_dropped = 0
         self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="tega-recorder", daemon=True)
 
     def head(self, facts: Mapping[str, Mapping[str, str]], files: Mapping[str, tuple[str, bytes]]) -> None:
         """Write the file's head, which a reader needs first; slow, so it comes before the session's start.
@@ -88,42 +75,37 @@ class McapRecorder:
         self._file.epoch_ns = epoch_ns
         self._file.metadata("tega", {"epoch_ns": str(epoch_ns), "start_ns": str(start_ns)})
         self._file.flush()
-        self._thread.start()
         threading.Thread(target=self._sync, name="tega-recorder-sync", daemon=True).start()
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
-        """Hand over a record, not encoded yet.
+        """Write a record; waits for the disk only where its memory is full. From any thread.
 
         ``t_ns`` is its arrival since the start of the session, if its own stamp is on another clock.
         """
-        self._queue.put(Item.of(record, t_ns))
+        with self._lock:
+            self._write(record, record.log_ns if t_ns is None else t_ns)
+            self._keep_up()
 
-    def count_dropped(self, dropped: Mapping[str, int]) -> None:
-        """Count records, by topic, that were dropped before they came here."""
-        self._queue.dropped.update(dropped)
-
-    @property
-    def dropped(self) -> dict[str, int]:
-        """Records that did not fit, by topic."""
-        return dict(self._queue.dropped)
+    def note(self, dropped: Mapping[str, int], waiting: tuple[int, int]) -> None:
+        """Note records that were dropped before they came here, by topic, and number and bytes of those that wait."""
+        with self._lock:
+            self._dropped.update(dropped)
+            self._waiting = waiting
+            self._keep_up()
 
     def problem(self) -> str:
-        """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""
-        if self.state == "stopped":
-            return f"stopped: {self.reason}"
-        return self._queue.problem()
+        """Return why no more is recorded; else ``""``."""
+        return f"stopped: {self.reason}" if self.state == "stopped" else ""
 
     def finish(self, summary: bytes = b"") -> dict[str, Any]:
-        """Write what waits, the index and the run's summary (JSON); close the file and give it its name.
+        """Write the index and the run's summary (JSON); close the file and give it its name.
 
         Returns the recording's summary, for people and machines.
         """
-        self._drain()
-        if self._thread.is_alive():
-            self._queue.discard()
-            self._stop(f"the disk did not take what waited within {_DRAIN_S:g} s")
-        elif self.state == "recording":
-            self._close_file(summary)
+        self._closing.set()
+        with self._lock:
+            if self.state == "recording":
+                self._close_file(summary)
         facts = self.facts()
         name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
         try:
@@ -133,9 +115,8 @@ class McapRecorder:
         return {"file": name, **facts}
 
     def leave(self) -> None:
-        """Write the waiting records and leave the file unfinished, to be recovered when the folder is next opened."""
-        self._drain()
-        if self.state == "recording" and not self._thread.is_alive():
+        """Leave the file unfinished, to be recovered when the folder is next opened."""
+        if self.state == "recording":
             self._file.flush()
 
     def abandon(self) -> None:
@@ -151,91 +132,70 @@ class McapRecorder:
             "lossless": self._settings.lossless,
             "duration_s": self._newest_ns / 1e9,
             "bytes": self._file.n_bytes,
-            "written": dict(sorted(self.written.items())),
-            "dropped": dict(sorted(self._queue.dropped.items())),
+            "written": dict(sorted(self._written.items())),
+            "dropped": dict(sorted(self._dropped.items())),
         }
-
-    def _drain(self) -> None:
-        self._queue.close()
-        self._closing.set()
-        if self._thread.is_alive():
-            self._thread.join(_DRAIN_S)
 
     def _sync(self) -> None:
         """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""
         while not self._closing.wait(SYNC_S):
             self._file.sync()
 
-    @run_realtime("beside")
-    def _work(self) -> None:
-        """Write until asked to close, then write the rest."""
+    def _keep_up(self) -> None:
+        """Flush the file, and write how the recording goes, when that is due."""
         now_ns = time.monotonic_ns()
-        flush_ns = now_ns
-        status_ns = now_ns - STATUS_NS
-        while True:
-            closing = self._closing.is_set()  # looked at first: nothing comes after it
-            item = self._queue.take()
-            if item is None:
-                if closing:
-                    return
-                time.sleep(_IDLE_S)
-            else:
-                self._write(item)
-                self._queue.done(item)
-            now_ns = time.monotonic_ns()
-            if self.state != "recording":
-                continue
-            flushes = now_ns - flush_ns >= FLUSH_NS
-            try:
-                if now_ns - status_ns >= STATUS_NS or (
-                    flushes and self._queue.dropped.total() != self._reported_dropped
-                ):
-                    status_ns = now_ns
-                    self._status()
-                if flushes and self.state == "recording":  # little room finishes the file
-                    self._file.flush()
-                    flush_ns = time.monotonic_ns()
-            except Exception as error:  # a recorder must neither take a run with it nor end without a word
-                self._stop(f"the file could not be flushed: {type(error).__name__}: {error}")
-            if self.state == "recording" and (failed := self._file.error) is not None:
-                self._stop(f"the disk took no more: {failed.strerror or failed}")
-
-    def _write(self, item: Item) -> None:
-        topic = item.record.where
         if self.state != "recording":
-            self._queue.dropped[topic] += 1
+            return
+        flushes = now_ns - self._flushed_ns >= FLUSH_NS
+        try:
+            if now_ns - self._status_ns >= STATUS_NS or (
+                flushes and self._dropped.total() != self._reported_dropped
+            ):
+                self._status_ns = now_ns
+                self._status()
+            if flushes and self.state == "recording":  # little room finishes the file
+                self._file.flush()
+                self._flushed_ns = time.monotonic_ns()
+        except Exception as error:  # a recorder must neither take a run with it nor end without a word
+            self._stop(f"the file could not be flushed: {type(error).__name__}: {error}")
+        if self.state == "recording" and (failed := self._file.error) is not None:
+            self._stop(f"the disk took no more: {failed.strerror or failed}")
+
+    def _write(self, record: Record, t_ns: int) -> None:
+        topic = record.where
+        if self.state != "recording":
+            self._dropped[topic] += 1
             return
         try:
-            self._file.write(item.record, item.t_ns)
+            self._file.write(record, t_ns)
         except Exception as error:  # a recorder must never take a run with it
             problem = f"{topic} could not be written: {type(error).__name__}: {error}"
-            own = type(item.record) in RECORDS and not isinstance(error, TypeError)
+            own = type(record) in RECORDS and not isinstance(error, TypeError)
             if own or isinstance(error, OSError):
                 self._stop(problem)
                 return
             # A feature's own record, or one with values of another type: the others do not suffer from it.
-            self._queue.dropped[topic] += 1
-            if self._queue.dropped[topic] == 1:
+            self._dropped[topic] += 1
+            if self._dropped[topic] == 1:
                 _LOG.error("recording: %s; later ones are counted as dropped", problem)
             return
-        self.written[topic] = self.written.get(topic, 0) + 1
-        self._newest_ns = max(self._newest_ns, item.t_ns)
+        self._written[topic] += 1
+        self._newest_ns = max(self._newest_ns, t_ns)
 
     def _status(self) -> None:
         free = shutil.disk_usage(self._folder.path).free
-        dropped = dict(self._queue.dropped)
-        self._reported_dropped = sum(dropped.values())
-        t_ns = self._newest_ns
+        self._reported_dropped = self._dropped.total()
+        queued, queued_bytes = self._waiting
         status = RecorderStatus(
-            t_ns=t_ns,
-            queued=len(self._queue),
-            queued_bytes=self._queue.n_bytes,
+            t_ns=self._newest_ns,
+            queued=queued,
+            queued_bytes=queued_bytes,
             written_bytes=self._file.n_bytes,
             free_bytes=free,
-            dropped_topics=tuple(dropped),
-            dropped_counts=tuple(dropped.values()),
+            dropped_topics=tuple(self._dropped),
+            dropped_counts=tuple(self._dropped.values()),
         )
-        self._file.write(status, t_ns)
+        self._file.write(status, self._newest_ns)
         settings = self._settings
         if free < settings.stop_free_mib * _MIB:
             self._close_file(b"")
@@ -246,7 +206,7 @@ class McapRecorder:
             _LOG.warning("recording: only %.0f MiB left on the disk", free / _MIB)
 
     def _close_file(self, summary: bytes) -> None:
-        dropped = {topic: str(n) for topic, n in self._queue.dropped.items()}
+        dropped = {topic: str(n) for topic, n in self._dropped.items()}
         try:
             if summary:
                 self._file.attach("summary.json", "application/json", summary)

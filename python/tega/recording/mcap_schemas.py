@@ -35,10 +35,7 @@ def record_messages() -> Mapping[str, Part]:
 @cache
 def record_versions() -> Mapping[str, int]:
     """Return the version of each record's message."""
-    found: dict[str, int] = {}
-    for kind in filter(own_schema, record_types()):
-        found.setdefault(schema_name(kind), kind.version)
-    return found
+    return {name: kind.version for name, kind in record_messages().items() if issubclass(kind, Record)}
 
 
 def _protobuf(module: str) -> Any:

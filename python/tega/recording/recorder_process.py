@@ -12,29 +12,120 @@ import logging
 import subprocess
 import threading
 import time
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, Final
+from typing import Any, Final, NamedTuple, Self
 
 from tega.config import RecordingSection
 from tega.errors import RecordingError
-from tega.recording.mcap_file import BoundedQueue, Item
 from tega.recording.mcap_folder import SessionFolder
-from tega.records import Record
+from tega.records import Picture, Record
+from tega.records.base import VideoPacket
+from tega.records.bus import report_drops
 from tega.runtime.child_process import end_child, receive_object, send_object, start_child, widen_pipe
 from tega.runtime.threads import run_realtime
 
 _LOG = logging.getLogger(__name__)
 
 _TURN_S: Final = 0.01
+# So often the process is told how much waits, and brings to the disk what it has, though nothing new comes.
+_BEAT_S: Final = 0.1
 # Records go in parts of about so much, so that the queue empties while a full pipe waits.
 _PART_BYTES: Final = 4 * 1024 * 1024
 _ANSWER_S: Final = 30.0
 _DRAIN_S: Final = 10.0
 _LEAVE_S: Final = 2.0
 _MIB: Final = 1024 * 1024
+# Small records still find room when pictures have filled the queue: without them nothing could be replayed.
+RESERVE_BYTES = 16 * 1024 * 1024
+# A record costs this in memory besides its numbers.
+_ITEM_BYTES = 512
+
+
+class Item(NamedTuple):
+    """A record to be written, not yet encoded.
+
+    ``t_ns`` is its arrival since the start of the session; ``n_bytes`` is about its size in memory.
+    """
+
+    record: Record
+    t_ns: int
+    n_bytes: int
+
+    @classmethod
+    def of(cls, record: Record, t_ns: int | None) -> Self:
+        """Make the item of a record, which came at the time of its own stamp unless another is given."""
+        return cls(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES)
+
+
+class BoundedQueue:
+    """First in, first out, up to so many bytes; given by many threads, taken by one.
+
+    The consumer holds no lock: its thread has the lowest priority in the program, and the producers would
+    wait for it. Beyond ``most_bytes`` pictures are dropped and counted, everything else 16 MiB later.
+    """
+
+    def __init__(self, *, most_bytes: int) -> None:
+        self._most_bytes = most_bytes
+        self._items: deque[Item] = deque()
+        self._lock = threading.Lock()
+        self._closed = False
+        self._given_bytes = 0
+        self._done_bytes = 0
+        self.dropped: Counter[str] = Counter()
+        self._dropped_at_s = 0.0
+
+    def __len__(self) -> int:
+        """Return how many wait."""
+        return len(self._items)
+
+    @property
+    def n_bytes(self) -> int:
+        """Memory that the items take, bytes."""
+        return self._given_bytes - self._done_bytes
+
+    def put(self, item: Item) -> None:
+        """Add an item, or drop it where there is no room; returns at once."""
+        reserve = 0 if isinstance(item.record, Picture | VideoPacket) else RESERVE_BYTES
+        with self._lock:
+            # One item always fits, however large it is.
+            room = self.n_bytes == 0 or self.n_bytes + item.n_bytes <= self._most_bytes + reserve
+            if self._closed or not room:
+                self.dropped[item.record.where] += 1
+                self._dropped_at_s = time.monotonic()
+                return
+            self._given_bytes += item.n_bytes
+            self._items.append(item)
+
+    def take(self) -> Item | None:
+        """Return the oldest item, ``None`` when there is none; its bytes count until :meth:`done`."""
+        try:
+            return self._items.popleft()
+        except IndexError:
+            return None
+
+    def done(self, item: Item) -> None:
+        """Free an item's room; called by the consumer."""
+        self._done_bytes += item.n_bytes
+
+    def problem(self) -> str:
+        """Return how many were dropped while that goes on, ``""`` once no more are."""
+        dropped = report_drops(self.dropped.total(), self._dropped_at_s)
+        return f"{dropped}: disk or processor does not keep up" if dropped else ""
+
+    def close(self) -> None:
+        """Accept no more items: new ones count as dropped, waiting ones can still be taken."""
+        with self._lock:
+            self._closed = True
+
+    def discard(self) -> None:
+        """Count everything that waits as dropped."""
+        while (item := self.take()) is not None:
+            self.dropped[item.record.where] += 1
+            with self._lock:
+                self._given_bytes -= item.n_bytes
 
 
 class RecorderProcess:
@@ -171,13 +262,16 @@ class RecorderProcess:
     def _ship(self) -> None:
         if not self._say("begin", *self._begun):
             return
+        said_s = 0.0
         while True:
             closing = self._closing.is_set()  # looked at first: nothing comes after it
             items = self._some()
             dropped = self._queue.dropped - self._reported_dropped
-            if items or dropped:
+            if items or dropped or time.monotonic() - said_s >= _BEAT_S:
+                said_s = time.monotonic()
                 self._reported_dropped += dropped
-                if not self._say("records", [(item.record, item.t_ns) for item in items], dropped):
+                records, waiting = [(item.record, item.t_ns) for item in items], len(self._queue)
+                if not self._say("records", records, dropped, (waiting, self._queue.n_bytes)):
                     self._queue.dropped.update(item.record.where for item in items)
                     return
                 for item in items:

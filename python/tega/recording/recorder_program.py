@@ -16,10 +16,6 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.runtime.child_process import AnswerPipe, program_pipes, receive_object
 from tega.runtime.threads import realtime, run_realtime
 
-# What has come through the pipe waits here, and what does not fit waits in the run, where it is dropped and counted.
-_QUEUE_BYTES = 16 * 1024 * 1024
-
-
 # What comes without anybody waiting for an answer: the run goes on whatever becomes of it.
 _UNANSWERED = {"begin", "records"}
 
@@ -35,11 +31,10 @@ class _LogAnswers(logging.Handler):
 
 def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> Any:
     if verb == "records":
-        records, dropped = content
+        records, dropped, waiting = content
         for record, t_ns in records:
             recorder.put(record, t_ns=t_ns)
-        recorder.count_dropped(dropped)
-        return None
+        return recorder.note(dropped, waiting)
     named = {"head": recorder.head, "begin": recorder.begin, "finish": recorder.finish}
     called: Any = named.get(verb, recorder.abandon)
     return called(*content)
@@ -52,7 +47,7 @@ def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
         return
     with realtime(allowed=allowed), run_realtime("beside"):
         try:
-            recorder = McapRecorder(SessionFolder(path), settings, wait=True, queue_bytes=_QUEUE_BYTES)
+            recorder = McapRecorder(SessionFolder(path), settings)
         except Exception as error:  # the run tells it
             answers.say("failed", error)
             return

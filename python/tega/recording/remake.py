@@ -14,8 +14,9 @@ from typing import Any, NamedTuple
 from tega.errors import RecordingError
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
-from tega.recording.mcap_reader import MOST_RECORD, Message, open_recording, read_picture
-from tega.recording.origin import Tables, new_session, no_session, note_copy, origin, span
+from tega.recording.mcap_index import open_indexed
+from tega.recording.mcap_reader import McapReader, Message, open_recording, read_picture
+from tega.recording.origin import Tables, new_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 from tega.runtime.lifecycle import require
@@ -35,7 +36,7 @@ class _Part(NamedTuple):
     name: str
     from_ns: int
     to_ns: int
-    tables: dict[str, dict[str, str]]
+    tables: Tables
     calibration: bytes
 
     def setup(self) -> dict[str, str]:
@@ -83,30 +84,13 @@ def _share_time(before: _Part, part: _Part) -> bool:
 
 
 def _part(path: Path) -> _Part:
-    reading: Any = require("mcap.reader", driver="merge", extra="record")
-    name = f"{path.resolve().parent.name}/{path.name}"
-    tables: dict[str, dict[str, str]] = {}
-    file = open_recording(path)
-    try:
-        with file:
-            reader = reading.SeekingReader(file, record_size_limit=MOST_RECORD)
-            summary = reader.get_summary()
-            for table in reader.iter_metadata():
-                tables.setdefault(table.name, {}).update(table.metadata)
-            files = {a.name: a.data for a in reader.iter_attachments() if a.name == "calibration.toml"}
-    except Exception as error:  # whatever a damaged file makes the reader say
-        raise RecordingError(
-            f"{name}: cannot be read: {type(error).__name__}", "name its session's folder to have it finished"
-        ) from error
-    if "epoch_ns" not in tables.get("tega", {}):
-        raise no_session(path, tables)
-    if summary is None or summary.statistics is None:
+    reader, name = open_indexed(path), f"{path.resolve().parent.name}/{path.name}"
+    tables = reader.session_tables()
+    if not reader.indexed:
         raise RecordingError(f"{name}: has no index", "name its session's folder to have it finished")
-    there, times = span(tables), summary.statistics
     # A trimmed one has pictures from just before its beginning too.
-    epoch_ns = int(tables["tega"]["epoch_ns"])
-    from_ns = max(times.message_start_time, epoch_ns + there.from_ns)
-    return _Part(path, name, from_ns, times.message_end_time, tables, files.get("calibration.toml", b""))
+    from_ns = max(reader.from_ns, int(tables["tega"]["epoch_ns"]) + span(tables).from_ns)
+    return _Part(path, name, from_ns, reader.until_ns, tables, reader.files.get("calibration.toml", b""))
 
 
 def _fit(first: _Part, part: _Part) -> None:
@@ -148,16 +132,8 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
 
 @reports_damage
 def _encode(source: Path, target: Path, quality: int) -> None:
-    tables: dict[str, dict[str, str]] = {}
-    with open_recording(source) as file:
-        for item in McapRecords(file):
-            if item.kind == "Metadata":
-                tables.setdefault(item.record.name, {}).update(item.record.metadata)
-    if "epoch_ns" not in tables.get("tega", {}):
-        raise no_session(source, tables)
-    step, problem = _copied(
-        source, target, tables, f"encode --quality {quality}", _SmallerPictures(quality).smaller
-    )
+    tables = McapReader(source).session_tables()
+    step, problem = _copied(source, target, tables, f"encode --quality {quality}", _smaller(quality))
     if problem:
         raise RecordingError(f"{source.name}: cannot be read to its end: {problem}", "trim it before")
     task = recorded_task(source)
@@ -172,22 +148,19 @@ def _copied(
     name, step = origin(tables, source, made_by=made_by, part=span(tables))
     with open_recording(source) as old, new_file(target) as file:
         copy, records = McapCopy(file), McapRecords(old)
-        copy.table(name, step)
+        copy.writer.add_metadata(name, step)
         for item in records:
             copy.take(changed(item))
         copy.finish()
     return step, records.problem
 
 
-class _SmallerPictures:
-    def __init__(self, quality: int) -> None:
-        self._cv2 = load_cv2("recording")
-        self._quality = [self._cv2.IMWRITE_JPEG_QUALITY, quality]
-        self._made = require("foxglove.messages", driver="recording", extra="record").CompressedImage
-        self._schema = self._made.get_schema()
+def _smaller(quality: int) -> Callable[[McapItem], McapItem]:
+    """Return a function that makes a picture smaller; any other item stays as it is, but for the table that says so."""
+    cv2, messages = load_cv2("recording"), require("foxglove.messages", driver="recording", extra="record")
+    how, schema = [cv2.IMWRITE_JPEG_QUALITY, quality], messages.CompressedImage.get_schema()
 
-    def smaller(self, item: McapItem) -> McapItem:
-        """Return an item with a smaller picture; any other as it is, but for the table that says so."""
+    def smaller(item: McapItem) -> McapItem:
         record = item.record
         if item.kind == "Metadata" and record.name == "tega":
             record.metadata = {**record.metadata, "lossless": "false"}
@@ -196,10 +169,13 @@ class _SmallerPictures:
             return item
         value = item.decoded()
         image = read_picture(Message(topic, item.schema.name, record.log_time, len(record.data), value))
-        _, data = self._cv2.imencode(".jpg", image, self._quality)
-        stamp = require("foxglove.messages", driver="recording", extra="record").Timestamp(
-            value.timestamp.seconds, value.timestamp.nanos
+        made = messages.CompressedImage(
+            timestamp=messages.Timestamp(value.timestamp.seconds, value.timestamp.nanos),
+            frame_id=value.frame_id,
+            data=cv2.imencode(".jpg", image, how)[1].tobytes(),
+            format="jpeg",
         )
-        made = self._made(timestamp=stamp, frame_id=value.frame_id, data=data.tobytes(), format="jpeg")
         record.data = made.encode()
-        return item._replace(schema=self._schema)
+        return item._replace(schema=schema)
+
+    return smaller

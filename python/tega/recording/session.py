@@ -55,8 +55,8 @@ class Recording(Part):
                 recovered.n_messages,
             )
         self._recorder: McapRecorder | RecorderProcess
-        if config.session.pace == "fast":  # what is given waits for room: nobody waits for a deadline
-            self._recorder = McapRecorder(self.folder, config.recording, wait=True)
+        if config.session.pace == "fast":  # nobody waits for a deadline
+            self._recorder = McapRecorder(self.folder, config.recording)
         else:
             self._recorder = RecorderProcess(self.folder, config.recording, realtime=config.session.realtime)
         self._log = LogRecords(self._recorder.put)

@@ -15,8 +15,8 @@ from typing import Any
 from tega.errors import RecordingError
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
 from tega.recording.mcap_folder import SessionFolder, one_recording
-from tega.recording.mcap_reader import open_recording
-from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, no_session, note_copy, origin, span
+from tega.recording.mcap_reader import McapReader, open_recording
+from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
 
@@ -64,7 +64,7 @@ class _Check:
     """First pass over a recording: finds the records that belong to the span.
 
     Attributes:
-        tables: Metadata of the file.
+        tables: Metadata of the head.
         origin: Name and content of the table with the new file's origin.
         felt: Frames by finger and stamp that had their contact received within the span.
         lead_in: A separate file with the records from before the span; empty if there are none, or if the
@@ -73,7 +73,8 @@ class _Check:
 
     def __init__(self, source: Path, part: Span) -> None:
         self.part = part
-        self.tables: dict[str, dict[str, str]] = {}
+        self.tables = McapReader(source).session_tables()
+        self._epoch_ns = int(self.tables["tega"]["epoch_ns"])
         self.felt: set[tuple[str, int]] = set()
         self._newest_ns = 0
         earlier = b""
@@ -82,15 +83,12 @@ class _Check:
         with open_recording(source) as file:
             for item in McapRecords(file):
                 if item.kind == "Message":
-                    self._message(source, item, copy)
-                elif item.kind == "Metadata":
-                    self.tables.setdefault(item.record.name, {}).update(item.record.metadata)
-                elif item.record.name == LEAD_IN:
+                    self._message(item, copy)
+                elif item.kind == "Attachment" and item.record.name == LEAD_IN:
                     earlier = item.record.data
                     for before in McapRecords(io.BytesIO(earlier)):
                         copy.take(before)
         copy.finish()
-        self._begun(source)
         there = span(self.tables)
         end_ns = self._newest_ns if there.to_ns is None else min(there.to_ns, self._newest_ns)
         if not there.from_ns <= part.from_ns <= end_ns:
@@ -104,25 +102,15 @@ class _Check:
         self.lead_in = leading.getvalue() if part.from_ns > 0 and (earlier or there.from_ns == 0) else b""
         self.origin = origin(self.tables, source, made_by="trim", part=self.part)
 
-    @property
-    def epoch_ns(self) -> int:
-        """Time of day at the start of the session."""
-        return int(self.tables["tega"]["epoch_ns"])
-
     def holds(self, record: Any) -> bool:
         """Return whether a message's log time is in the span."""
-        t_ns = record.log_time - self.epoch_ns
+        t_ns = record.log_time - self._epoch_ns
         from_ns, to_ns = self.part
         # A hand may have been spoken to before the session began.
         return (from_ns == 0 or t_ns >= from_ns) and (to_ns is None or t_ns < to_ns)
 
-    def _begun(self, source: Path) -> None:
-        if "epoch_ns" not in self.tables.get("tega", {}):
-            raise no_session(source, self.tables)
-
-    def _message(self, source: Path, item: McapItem, copy: McapCopy) -> None:
-        self._begun(source)
-        t_ns = item.record.log_time - self.epoch_ns
+    def _message(self, item: McapItem, copy: McapCopy) -> None:
+        t_ns = item.record.log_time - self._epoch_ns
         self._newest_ns = max(self._newest_ns, t_ns)
         name = "" if item.schema is None else item.schema.name
         if name == "tega.Contact" and self.holds(item.record):
@@ -144,10 +132,10 @@ def _copy(source: Path, check: _Check, new: McapCopy, *, lead_in: bytes) -> None
             if not begun:
                 # A reader has to know all this before the first message.
                 begun = True
-                new.table(SPAN, check.part.table())
-                new.table(*check.origin)
+                new.writer.add_metadata(SPAN, check.part.table())
+                new.writer.add_metadata(*check.origin)
                 if lead_in:
-                    new.attach(LEAD_IN, "application/mcap", lead_in)
+                    new.writer.add_attachment(0, 0, LEAD_IN, "application/mcap", lead_in)
             topic: str = item.channel.topic
             if topic.startswith("/tactile/") and topic.endswith("/image"):
                 pictures[topic.split("/")[2]] = item

@@ -110,17 +110,13 @@ class PoseRecord(Record, frozen=True, kw_only=True):
     """
 
     schema: ClassVar[str] = "foxglove.PoseInFrame"
+    logged: ClassVar[str] = "taken_ns"
 
     t_ns: Ns
     taken_ns: Ns
     frame: str
     position: tuple[Metres, ...]
     quaternion: tuple[Quaternion, ...]
-
-    @property
-    def log_ns(self) -> int:
-        """The turn."""
-        return self.taken_ns
 
 
 class ForearmPose(PoseRecord, frozen=True, kw_only=True):

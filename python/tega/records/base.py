@@ -62,6 +62,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
         table: Fields that its table in a run's own folder holds, ``t_s`` being ``t_ns`` in seconds; empty where it has
             none. ``recording export`` writes every field.
         columns: Column names of the fields that hold a fixed number of numbers or none.
+        logged: Field with the time at which the fact came to be known: files are in this order.
+        bulk: Field that takes memory besides the record's numbers.
     """
 
     topic: ClassVar[str] = ""
@@ -70,6 +72,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     unwritten: ClassVar[tuple[str, ...]] = ()
     table: ClassVar[tuple[str, ...]] = ()
     columns: ClassVar[Mapping[str, tuple[str, ...]]] = {}
+    logged: ClassVar[str] = "t_ns"
+    bulk: ClassVar[str] = ""
 
     @property
     def where(self) -> str:
@@ -79,8 +83,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
     @property
     def log_ns(self) -> int:
-        """Time at which the fact came to be known, nanoseconds since the session's start: files are in this order."""
-        t_ns: int = getattr(self, "t_ns", 0)
+        """Time at which the fact came to be known, nanoseconds since the session's start."""
+        t_ns: int = getattr(self, self.logged, 0)
         return t_ns
 
     def _repr_html_(self) -> str | None:
@@ -95,7 +99,8 @@ class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     @property
     def n_bytes(self) -> int:
         """Memory that the record takes besides its numbers, bytes."""
-        return 0
+        value: Any = getattr(self, self.bulk, b"")
+        return int(getattr(value, "nbytes", 0) or len(value))
 
 
 class VideoPacket(Record, frozen=True, kw_only=True):
@@ -109,13 +114,9 @@ class VideoPacket(Record, frozen=True, kw_only=True):
     """
 
     schema: ClassVar[str] = "foxglove.CompressedVideo"
+    bulk: ClassVar[str] = "data"
 
     camera: str
     t_ns: Ns
     data: bytes
     video: str
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory of the packet, bytes."""
-        return len(self.data)

@@ -24,22 +24,14 @@ class EmgSamples(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/emg/samples"
+    logged: ClassVar[str] = "received_ns"
+    bulk: ClassVar[str] = "samples"
 
     t_ns: Ns
     received_ns: Ns
     first_index: int
     n_channels: Step
     samples: Annotated[NDArray[np.float64], quantity("the source's", "double*")]
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the program had the samples."""
-        return self.received_ns
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory of the samples, bytes."""
-        return self.samples.nbytes
 
 
 class Intent(Record, frozen=True, kw_only=True):
@@ -59,6 +51,7 @@ class Intent(Record, frozen=True, kw_only=True):
     schema: ClassVar[str] = "Levels"
     version: ClassVar[int] = 3
     table: ClassVar[tuple[str, ...]] = ("t_s", "channels", "level", "closure", "confidence")
+    logged: ClassVar[str] = "taken_ns"
 
     t_ns: Ns
     taken_ns: Ns = 0
@@ -67,11 +60,6 @@ class Intent(Record, frozen=True, kw_only=True):
     closure: Share | None = None
     confidence: Share | None = None
     activity: tuple[Share, ...] = ()
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the loop took the intent in."""
-        return self.taken_ns
 
 
 class BesideIntent(Record, frozen=True, kw_only=True):

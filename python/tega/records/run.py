@@ -77,11 +77,7 @@ class HeardMarker(Marker, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/markers"
     schema: ClassVar[str] = "Marker"
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the marker was received."""
-        return self.received_ns
+    logged: ClassVar[str] = "received_ns"
 
 
 class Skip(Record, frozen=True, kw_only=True):
@@ -134,15 +130,11 @@ class End(Record, frozen=True, kw_only=True):
     """
 
     topic: ClassVar[str] = "/run/end"
+    logged: ClassVar[str] = "end_ns"
 
     end_ns: Ns
     ended: str
     n_waits: Count
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the loop ended."""
-        return self.end_ns
 
 
 class LogLine(Record, frozen=True, kw_only=True):
@@ -157,16 +149,12 @@ class LogLine(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/log"
     schema: ClassVar[str] = "foxglove.Log"
+    bulk: ClassVar[str] = "text"
 
     t_ns: Ns
     level: int
     name: str
     text: str
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory of the line's letters, bytes."""
-        return len(self.text)
 
 
 class RecorderStatus(Record, frozen=True, kw_only=True):

@@ -52,6 +52,8 @@ class Picture(Record, frozen=True, kw_only=True):
     schema: ClassVar[str] = "Frame"
     version: ClassVar[int] = 4
     unwritten: ClassVar[tuple[str, ...]] = ("finger", "image")
+    logged: ClassVar[str] = "received_ns"
+    bulk: ClassVar[str] = "image"
 
     finger: str
     image: NDArray[np.uint8]
@@ -63,16 +65,6 @@ class Picture(Record, frozen=True, kw_only=True):
     loaded: bool = False
     rezeroed: bool = False
     cells: bytes = b""
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the program had the picture."""
-        return self.received_ns
-
-    @property
-    def n_bytes(self) -> int:
-        """Memory of the pixels, bytes."""
-        return self.image.nbytes
 
 
 class NamedValue(msgspec.Struct, frozen=True):
@@ -130,6 +122,7 @@ class Contact(Record, frozen=True, kw_only=True):
         *("t_s", "finger", "cci", "eda", "cci_norm", "eda_norm", "peak", "in_contact", "front", "back"),
         *("area_mm2", "depth_mm", "force_n", "strength", "broad"),
     )
+    logged: ClassVar[str] = "taken_ns"
 
     finger: str
     t_ns: Ns
@@ -154,11 +147,6 @@ class Contact(Record, frozen=True, kw_only=True):
     strength: Share | None = None
     broad: Share | None = None
     more: tuple[NamedValue, ...] = ()
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the loop took the contact in."""
-        return self.taken_ns
 
     def _repr_html_(self) -> str:
         return record_html(self, f"{self.finger}, {self.t_ns / 1e9:.3f} s")
@@ -226,6 +214,7 @@ class Event(Record, frozen=True, kw_only=True):
 
     topic: ClassVar[str] = "/touch/event"
     table: ClassVar[tuple[str, ...]] = ("t_s", "finger", "kind", "confidence")
+    logged: ClassVar[str] = "taken_ns"
 
     t_ns: Ns
     finger: str
@@ -233,11 +222,6 @@ class Event(Record, frozen=True, kw_only=True):
     confidence: Share = 1.0
     began_ns: Ns = 0
     taken_ns: Ns = 0
-
-    @property
-    def log_ns(self) -> int:
-        """Time at which the event was found."""
-        return self.taken_ns
 
     @property
     def certain(self) -> bool:

@@ -12,7 +12,7 @@ from lerobot.robots import Robot, RobotConfig
 from tega.errors import ConfigError
 from tega.hand import split_level
 from tega_lerobot.live import OBSERVED, emg_channel_count, feature_names
-from tega_lerobot.plugin.seat import Seat, Seated
+from tega_lerobot.plugin.seat import Seated
 from tega_lerobot.streams import ARM_ACTION, CLOSURE, closure_numbers
 
 # A shorter quaternion has no direction, and is refused.
@@ -56,10 +56,9 @@ class TegaRobot(Seated, Robot):
     name = "tega"
 
     def __init__(self, config: TegaRobotConfig) -> None:
-        self._seat = Seat(config.settings, config.sets, config.person)
+        settings = self._sit(config.settings, config.sets, config.person)
         super().__init__(config)
         self.config = config
-        settings = self._seat.config
         n_channels = emg_channel_count(settings) if config.emg_channels is None else config.emg_channels
         known = feature_names(settings, emg_channels=n_channels)
         allowed = {*OBSERVED, "image_age"}
@@ -68,7 +67,7 @@ class TegaRobot(Seated, Robot):
                 f"observe: no feature {unknown[0]!r}", f"choose from {', '.join(sorted(allowed))}"
             )
         wanted = [f"observation.{name}" for name in config.observe]
-        if settings.arm is not None and self._seat.leads_arm and not settings.arm.mapping.absolute:
+        if settings.arm is not None and self._leads_arm and not settings.arm.mapping.absolute:
             raise ConfigError(
                 "LeRobot leads the arm to poses, not by motion",
                 "set arm.mapping.absolute = true and arm.mapping.frame = 'base', or an arm.tracker",
@@ -91,7 +90,7 @@ class TegaRobot(Seated, Robot):
 
     def get_observation(self) -> dict[str, Any]:
         """Return the newest numbers, and the newest pictures as uint8 (height, width, 3): red, green, blue."""
-        _, live = self._seat.run
+        _, live = self._joined
         pictures = live.pictures(height=self.config.height, width=self.config.width)
         return {**live.numbers(list(self._names)), **pictures}
 
@@ -104,17 +103,17 @@ class TegaRobot(Seated, Robot):
         teleoperator has joined the session then, :class:`ConfigError` is raised; for a number not finite or
         out of range, :class:`InvalidValueError`.
         """
-        session, live = self._seat.run
+        session, live = self._joined
         level = 1 + 4 * float(np.clip(float(action["closure"]), 0, 1))
         session.hand.level(level)
         sent = dict(zip(CLOSURE, closure_numbers(*split_level(level)), strict=True))
-        if self._seat.leads_arm:
+        if self._leads_arm:
             pose = np.array([float(action[name]) for name in ARM_ACTION])
             pose[3:] /= max(float(np.linalg.norm(pose[3:])), _SHORTEST)
             session.arm.pose(pose[:3], pose[3:])
             sent |= dict(zip(ARM_ACTION, pose.tolist(), strict=True))
-        elif self._seat.config.arm is not None:
-            if not self._seat.shared:
+        elif self._settings.arm is not None:
+            if self._run is None or self._run.n_users < 2:
                 raise ConfigError(
                     "the settings' tracker leads the arm, not LeRobot",
                     "take out arm.tracker and input.motion, or name a teleoperator of the same settings",

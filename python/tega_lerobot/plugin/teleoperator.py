@@ -9,7 +9,7 @@ from typing import Any
 from lerobot.teleoperators import Teleoperator, TeleoperatorConfig
 
 from tega.errors import ConfigError
-from tega_lerobot.plugin.seat import Seat, Seated
+from tega_lerobot.plugin.seat import Seated
 from tega_lerobot.streams import CLOSURE
 
 
@@ -36,8 +36,7 @@ class TegaTeleoperator(Seated, Teleoperator):
     name = "tega"
 
     def __init__(self, config: TegaTeleoperatorConfig) -> None:
-        self._seat = Seat(config.settings, config.sets, config.person)
-        if self._seat.config.emg is None:
+        if self._sit(config.settings, config.sets, config.person).emg is None:
             raise ConfigError(f"{config.settings}: a teleoperator needs muscles", "set emg.driver")
         super().__init__(config)
         self.config = config
@@ -49,7 +48,7 @@ class TegaTeleoperator(Seated, Teleoperator):
 
     def connect(self, calibrate: bool = True) -> None:  # noqa: ARG002, FBT001, FBT002  # LeRobot's signature
         """Begin the session, and wait for the first intent, and with an arm for its pose."""
-        wanted = ["observation.emg_levels"] + ["observation.arm"] * (self._seat.config.arm is not None)
+        wanted = ["observation.emg_levels"] + ["observation.arm"] * (self._settings.arm is not None)
         self._begin(dict.fromkeys(wanted), ())
 
     def get_action(self) -> dict[str, Any]:
@@ -57,9 +56,9 @@ class TegaTeleoperator(Seated, Teleoperator):
 
         If there was none for a second, :class:`DeviceUnavailableError` is raised.
         """
-        _, live = self._seat.run
+        _, live = self._joined
         closure = dict(zip(CLOSURE, live.closure_numbers(), strict=True))
-        return closure if self._seat.config.arm is None else closure | live.arm_action()
+        return closure if self._settings.arm is None else closure | live.arm_action()
 
     def send_feedback(self, feedback: dict[str, Any]) -> None:
         """Do nothing: the session shows touch on the vest by itself."""
