@@ -1,18 +1,15 @@
-"""A feature of one's own: the example package adds one of each member, and no file of TEGA names it."""
+"""A feature of one's own: the example package adds one of each member."""
 
 from __future__ import annotations
 
 import json
-import os
 import socket
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
-PROJECT = Path(__file__).resolve().parents[2]
-EXAMPLE = PROJECT / "examples" / "own_feature"
+from reference.installed import OWN_FEATURE, distribution, own_feature, python
+
 LAB = """
 [session]
 pace = "fast"
@@ -29,33 +26,16 @@ lossless = true
 stop_free_mib = 0.0
 """
 
-pytestmark = pytest.mark.skipif(not EXAMPLE.is_dir(), reason="not a checkout")
+pytestmark = pytest.mark.skipif(not OWN_FEATURE.is_dir(), reason="not a checkout")
 
 
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder that holds the example as an installer leaves it: its package and its entry points."""
-    site = tmp_path_factory.mktemp("site")
-    (site / "own_feature").symlink_to(EXAMPLE / "src" / "own_feature", target_is_directory=True)
-    info = site / "own_feature-0.1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: own-feature\nVersion: 0.1.0\n")
-    (info / "entry_points.txt").write_text("[tega.features]\ngrip = own_feature.feature:FEATURE\n")
-    return site
+    return own_feature(tmp_path_factory.mktemp("site"))
 
 
 def tega(site: Path, folder: Path, *words: str, code: int = 0) -> str:
-    path = os.pathsep.join([str(site), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-m", "tega.ui.cli", *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == code, done.stdout + done.stderr
-    return done.stdout + done.stderr
+    return "".join(python("-m", "tega.ui.cli", *words, site=site, folder=folder, code=code))
 
 
 @pytest.mark.slow
@@ -80,22 +60,11 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     assert "recorded with the feature 'grip', which is not installed" in tega(
         tmp_path, tmp_path, "verify", str(file)
     )
-    tega(
-        installed, tmp_path, "recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap"
-    )
+    words = ("recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap")
+    tega(installed, tmp_path, *words)
     assert "/grip" in tega(installed, tmp_path, "recording", "inspect", "part.mcap")
-    tega(
-        installed,
-        tmp_path,
-        "recording",
-        "export",
-        str(file),
-        "--out",
-        "grips",
-        "--format",
-        "grips",
-        "--firm-only",
-    )
+    words = ("recording", "export", str(file), "--out", "grips", "--format", "grips", "--firm-only")
+    tega(installed, tmp_path, *words)
     rows = (tmp_path / "grips" / f"{file.stem}-grips.csv").read_text().splitlines()
     assert rows[0] == "t_s,fingers"
     assert {row.split(",")[1] for row in rows[1:]} == {"2"}
@@ -114,9 +83,8 @@ def test_its_check_speaks_in_doctor_and_its_table_is_checked(installed: Path, tm
     message = tega(installed, tmp_path, "doctor", "lab.toml", code=3)
     assert "no grip is ever firm" in " ".join(message.split())  # doctor breaks lines
     (tmp_path / "lab.toml").write_text(LAB.format(firm_from=5))
-    assert "lab.toml:10: grip.firm_from = 5" in tega(
-        installed, tmp_path, "config", "check", "lab.toml", code=1
-    )
+    message = tega(installed, tmp_path, "config", "check", "lab.toml", code=1)
+    assert "lab.toml:10: grip.firm_from = 5" in message
 
 
 def test_its_row_is_on_page_and_terminal(installed: Path) -> None:
@@ -129,29 +97,14 @@ rows = DisplayRows(bus, "test")
 bus.publish(Grip(t_ns=0, fingers=2, firm=True))
 print(rows())
 """
-    path = os.pathsep.join([str(installed), *sys.path])
-    done = subprocess.run(
-        [sys.executable, "-c", program],
-        env=os.environ | {"PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    assert done.stdout.strip() == "{'grip': '2 fingers, firm'}"
+    printed, _ = python("-c", program, site=installed, folder=installed)
+    assert printed.strip() == "{'grip': '2 fingers, firm'}"
 
 
 def test_a_feature_that_fails_to_load_is_named_and_the_rest_works(tmp_path: Path) -> None:
-    info = tmp_path / "broken_feature-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: broken-feature\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[tega.features]\nbroken = broken_feature:FEATURE\n")
+    distribution(tmp_path, "broken-feature", "[tega.features]\nbroken = broken_feature:FEATURE\n")
     (tmp_path / "broken_feature.py").write_text("import a_package_that_is_missing\n")
     message = tega(tmp_path, tmp_path, "config", "show")
     assert "feature 'broken' is left out: ModuleNotFoundError" in message
     assert "pip install a_package_that_is_missing, or remove broken-feature" in message
     assert "session.preset" in message
-
-
-def test_no_file_of_tega_names_the_feature() -> None:
-    for file in (PROJECT / "python").rglob("*.py"):
-        assert "own_feature" not in file.read_text(encoding="utf-8"), file

@@ -27,8 +27,8 @@ def mcap_trouble(data: bytes) -> str:
     Every record is read, with the checksum of every chunk; the summary's checksum, what it counts, and where it says
     that chunks and their lists of messages are, are those of the records.
     """
-    from mcap.reader import make_reader
     from mcap.opcode import Opcode
+    from mcap.reader import make_reader
     from mcap.records import Message, MessageIndex
     from mcap.stream_reader import StreamReader
 

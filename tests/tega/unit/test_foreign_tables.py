@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.command import call
 from reference.emg_writers import xdf_header
 from reference.xdf_file import Received, write_xdf
 from tega.config import check_tree
@@ -20,7 +21,6 @@ from tega.records import HeardMarker, Intent
 from tega.records.bus import Bus
 from tega.runtime.files.signals import Signals, read_signals
 from tega.runtime.files.tables.table import Reading
-from tega.ui.cli.main import main
 
 RATE_HZ = 250.0
 N = 1500
@@ -100,46 +100,15 @@ def test_encodings(encoding: str, write: Write) -> None:
     assert found.decision.unit == "µV"
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        *(
-            "X [s]",
-            "Package Num",
-            "unix_time",
-            "SampleIndex",
-            "Zeit [s]",
-            "Fz",
-            "frame",
-            "lsl_timestamp",
-            "restimulus",
-        ),
-        *(
-            "accx",
-            "Timestamp",
-            "Unnamed: 0",
-            "",
-            "t",
-            "index",
-            "gyro_x",
-            "Quaternion W",
-            "repetition",
-            "Trigger",
-        ),
-        *(
-            "Force (N)",
-            "time (ms)",
-            "Sample Number",
-            "Marker",
-            "Temps",
-            "AccX (g)",
-            "battery",
-            "label",
-            "Acceleration",
-        ),
-        *("gesture_id", "Roll", "Date"),
-    ],
-)
+OTHERS = (
+    "X [s]", "Package Num", "unix_time", "SampleIndex", "Zeit [s]", "Fz", "frame", "lsl_timestamp", "restimulus",
+    "accx", "Timestamp", "Unnamed: 0", "", "t", "index", "gyro_x", "Quaternion W", "repetition", "Trigger",
+    "Force (N)", "time (ms)", "Sample Number", "Marker", "Temps", "AccX (g)", "battery", "label", "Acceleration",
+    "gesture_id", "Roll", "Date",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", OTHERS)
 def test_names_of_other_things_are_no_channels(name: str, write: Write) -> None:
     # A column without a name is judged by its values alone.
     for first in (T_S * 1000, *([np.random.default_rng(5).normal(size=N)] if name else [])):
@@ -337,24 +306,13 @@ def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
     assert found.starts == [(0, 0), (750, 1250)]
 
 
-def displayed(*words: str) -> None:
-    """Run ``emg inspect``."""
-    with pytest.raises(SystemExit) as left:
-        main(["emg", "inspect", *words])
-    assert left.value.code == 0
-
-
 def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
     path = write(
         [[t, k, *row] for k, (t, *row) in enumerate(timed())], "time [s];Counter;a;b;c", sep=";", comma=True
     )
-    displayed(str(path))
-    assert (
-        '3 channels of 5 columns: "time [s]" is time, "Counter" counts; decimal comma'
-        in capsys.readouterr().out
-    )
-    displayed(str(path), "--json")
-    reported = json.loads(capsys.readouterr().out)
+    text, _ = call(capsys, "emg", "inspect", path)
+    assert '3 channels of 5 columns: "time [s]" is time, "Counter" counts; decimal comma' in text
+    reported = json.loads(call(capsys, "emg", "inspect", path, "--json")[0])
     assert reported["channels"] == [3, 4, 5]
     assert (reported["time"], reported["counter"], reported["rate_hz"], reported["facts"]["decimal"]) == (
         1,
@@ -362,8 +320,8 @@ def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture
         250.0,
         "comma",
     )
-    displayed("--json")
-    assert {"EDF", "XDF", "HDF5"} <= {one["name"] for one in json.loads(capsys.readouterr().out)}
+    kinds = json.loads(call(capsys, "emg", "inspect", "--json")[0])
+    assert {"EDF", "XDF", "HDF5"} <= {one["name"] for one in kinds}
 
 
 def test_text_takes_little_more_memory_than_its_numbers(write: Write) -> None:

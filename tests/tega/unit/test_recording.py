@@ -14,6 +14,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from reference.command import call
 from reference.parts import observed
 from reference.played import finger, muscles
 from reference.sessions import tree
@@ -31,7 +32,6 @@ from tega.recording.replay import replay_file
 from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
 from tega.records.table import columns, numbers, rows
 from tega.runtime.files.csv_tables import time_text
-from tega.ui.cli.main import main
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 
@@ -55,19 +55,12 @@ def test_the_public_reader_finds_well_known_schemas_times_and_files(lossless: Pa
 
 
 def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words in (["--json"], []):
-        with pytest.raises(SystemExit) as ended:
-            main(["recording", "inspect", str(lossless.parent), *words])
-        assert ended.value.code == 0
-        out = capsys.readouterr().out
-        if words:
-            (found,) = json.loads(out)
-            streams = {s["topic"]: s for s in found["streams"]}
-            assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
-            assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
-            assert (found["ended"], found["complete"]) == ("complete", True)
-        else:
-            assert "/tactile/thumb/contact" in out
+    assert "/tactile/thumb/contact" in call(capsys, "recording", "inspect", lossless.parent)[0]
+    (found,) = json.loads(call(capsys, "recording", "inspect", lossless.parent, "--json")[0])
+    streams = {s["topic"]: s for s in found["streams"]}
+    assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
+    assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
+    assert (found["ended"], found["complete"]) == ("complete", True)
 
 
 def test_settings_survive_being_written_down(tmp_path: Path) -> None:

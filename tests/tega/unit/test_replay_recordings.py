@@ -9,15 +9,11 @@ from typing import Any
 
 import pytest
 
-from tega.ui.cli.main import main
+from reference.command import call
 
 
 def replay(capsys: pytest.CaptureFixture[str], *words: object) -> dict[str, Any]:
-    with pytest.raises(SystemExit) as ended:
-        main(["replay", "--json", *map(str, words)])
-    out, err = capsys.readouterr()
-    assert ended.value.code == 0, err
-    summary: dict[str, Any] = json.loads(out)
+    summary: dict[str, Any] = json.loads(call(capsys, "replay", "--json", *words)[0])
     return summary
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from reference.command import call
 from reference.parts import observed
 from reference.sessions import SECONDS, record, rewritten, stream, tree
 from tega.config import SessionConfig, check_tree
@@ -27,7 +28,6 @@ from tega.recording.replay.measured import Measured, PictureError
 from tega.records import HandCommand
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
-from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
 
 
@@ -106,7 +106,9 @@ def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) 
     assert image.first[0].t_s == pytest.approx(at / 60, abs=1e-6)
 
 
-def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(lossless: Path, tmp_path: Path) -> None:
+def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(
+    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     def change(topic: str, value: Any) -> Any:
         if topic == "/tactile/thumb/image":
             pixels = np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3).copy()
@@ -120,9 +122,7 @@ def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(lossless: Pat
         assert stream(replay, name).differ > 0
     for name in ("/tactile/ring/contact", "/emg/levels", "/hand/frames"):
         assert stream(replay, name).differ == 0
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(path)])
-    assert ended.value.code == 1
+    call(capsys, "verify", path, code=1)
 
 
 def test_other_settings_say_what_differs(
@@ -130,10 +130,7 @@ def test_other_settings_say_what_differs(
 ) -> None:
     other = tmp_path / "other.toml"
     other.write_text('[vest]\nmirror = "all"\nthreshold = 20.0\n')
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(lossless.parent), "--config", str(other), "--json"])
-    assert ended.value.code == 1
-    (replay,) = json.loads(capsys.readouterr().out)
+    (replay,) = json.loads(call(capsys, "verify", lossless.parent, "--config", other, "--json", code=1)[0])
     assert replay["changed"] == ["vest.mirror: none -> all", "vest.threshold: 0.0 -> 20.0"]
     differ = {s["stream"]: s["differ"] for s in replay["streams"]}
     assert differ.pop("/vest/frame") > 10
@@ -188,10 +185,7 @@ def test_what_is_no_recording_is_refused_in_one_sentence(
 ) -> None:
     path = tmp_path / "other.mcap"
     path.write_bytes(content)
-    with pytest.raises(SystemExit) as ended:
-        main(["verify", str(path)])
-    assert ended.value.code == 1
-    assert "error: other.mcap: " in capsys.readouterr().err
+    assert "error: other.mcap: " in call(capsys, "verify", path, code=1)[1]
 
 
 @pytest.mark.slow
@@ -239,27 +233,28 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
 @pytest.mark.parametrize(
     "flag",
     [
-        ("--preset", "paper"),
-        ("--preset", "live"),
-        ("--tactile-rate-hz", "60"),
-        ("--allow-truncated",),
-        ("--emg-rate-hz", "1000"),
-        ("--emg-kind", "raw"),
-        ("--emg-channels", "1,2"),
-        ("--emg-variable", "emg"),
-        ("--view-port", "8090"),
-        ("--view",),
-        ("--out", "results"),
+        *(
+            "--preset paper",
+            "--preset live",
+            "--tactile-rate-hz 60",
+            "--allow-truncated",
+            "--emg-rate-hz 1000",
+        ),
+        *(
+            "--emg-kind raw",
+            "--emg-channels 1,2",
+            "--emg-variable emg",
+            "--view-port 8090",
+            "--view",
+            "--out results",
+        ),
     ],
-    ids=" ".join,
 )
 def test_no_flag_of_loose_files_is_left_out_beside_a_session(
-    flag: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    flag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit) as left:
-        main(["replay", str(tmp_path / "monday"), *flag])
-    assert left.value.code == 2
-    assert f"{flag[0]} is for loose files, not for a session" in capsys.readouterr().err
+    told = call(capsys, "replay", tmp_path / "monday", *flag.split(), code=2)[1]
+    assert f"{flag.split(maxsplit=1)[0]} is for loose files, not for a session" in told
 
 
 def test_records_that_the_loop_never_reads_are_forgotten_as_it_runs(tmp_path: Path) -> None:
