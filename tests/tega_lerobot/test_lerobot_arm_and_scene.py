@@ -10,9 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference import lerobot_data
 from reference.lerobot_data import FPS, info, rows
-from reference.sessions import read_recorded, rewritten
+from reference.sessions import rewritten
 from reference.sessions import tree as sessions_tree
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.records import Contact
@@ -23,8 +22,6 @@ from tega_scene.pictures import times_path
 
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
-
-parts, dataset = lerobot_data.parts, lerobot_data.dataset
 
 
 @pytest.mark.slow
@@ -141,21 +138,6 @@ def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path
         export_lerobot([moved], tmp_path / "untimed", fps=FPS, scenes={"side": late})
     with pytest.raises(UnsafeNameError):
         export_lerobot([moved], tmp_path / "unsafe", fps=FPS, scenes={"../side": late})
-
-
-def test_depth_and_force_are_observed_where_the_run_s_metric_measures_them(
-    dataset: Path, lossless: Path
-) -> None:
-    feature = info(dataset)["features"]["observation.touch_si"]
-    names = [f"{f}.{n}" for f in ("ring", "thumb") for n in ("area_mm2", "depth_mm", "force_n")]
-    assert feature["names"] == names
-    contacts = read_recorded(lossless).contacts["thumb"]
-    forces = {np.float32(one.force_n) for one in contacts}
-    found = [dict(zip(names, row["observation.touch_si"], strict=True)) for row in rows(dataset)]
-    assert {row["thumb.force_n"] for row in found} <= forces
-    assert max(row["thumb.force_n"] for row in found) > 0.5
-    assert max(row["thumb.depth_mm"] for row in found) > 0.05
-    assert {row["thumb.area_mm2"] for row in found} == {0.0}, "no gel's scale is known"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")

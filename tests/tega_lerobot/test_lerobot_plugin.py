@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 import tomlkit
 
+from reference.installed import distribution
 from tega.errors import ConfigError, InvalidValueError
 from tega.recording.opened import open_recording
 from tega.runtime.clock import every
@@ -85,10 +86,7 @@ class Bench(NamedTuple):
 def install(site: Path) -> Path:
     """Return a folder that holds the plug-in as an installer leaves it."""
     (site / "lerobot_robot_tega").symlink_to(PLUGIN / "src" / "lerobot_robot_tega", target_is_directory=True)
-    info = site / "lerobot_robot_tega-0.1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: lerobot_robot_tega\nVersion: 0.1.0\n")
-    return site
+    return distribution(site, "lerobot_robot_tega", "")
 
 
 @pytest.fixture
@@ -191,18 +189,18 @@ class Buttons:
     """Dead-man and clutch, pressed again and again: a SpaceMouse reports a button only when it changes."""
 
     def __init__(self, lab: EmulatedLab) -> None:
-        self._lab, self._held, self._lock = lab, [_DEAD_MAN], threading.Lock()
+        self.lab, self._held, self._lock = lab, [_DEAD_MAN], threading.Lock()
 
     def again(self) -> None:
         with self._lock:
             for button in self._held:
-                self._lab.cap.say(f"press {button}")
+                self.lab.cap.say(f"press {button}")
 
     def toggle_clutch(self) -> None:
         with self._lock:
             if _CLUTCH in self._held:
                 self._held.remove(_CLUTCH)
-                self._lab.cap.say(f"lift {_CLUTCH}")
+                self.lab.cap.say(f"lift {_CLUTCH}")
             else:
                 self._held.append(_CLUTCH)
 
@@ -211,20 +209,14 @@ class Buttons:
         return _CLUTCH in self._held
 
 
-class ArmLab(NamedTuple):
-    """Emulated EMG, hand and arm, and the operator's buttons."""
-
-    lab: EmulatedLab
-    buttons: Buttons
-
-
 @pytest.fixture
-def arm_lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[ArmLab]:
+def buttons(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Buttons]:
+    """Return the operator's buttons beside emulated EMG, hand and arm."""
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     with emulated_lab(tmp_path, emg_hz=250.0, hand=True, arm=True) as lab:
-        buttons = Buttons(lab)
-        with every(buttons.again, every_s=0.3):
-            yield ArmLab(lab, buttons)
+        made = Buttons(lab)
+        with every(made.again, every_s=0.3):
+            yield made
 
 
 def written(lab: EmulatedLab, folder: Path, **arm: Any) -> dict[str, Any]:
@@ -235,10 +227,12 @@ def written(lab: EmulatedLab, folder: Path, **arm: Any) -> dict[str, Any]:
     return {"settings": folder / "lab.toml", "calibration_dir": folder}
 
 
-def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: ArmLab, tmp_path: Path) -> None:
+def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(
+    buttons: Buttons, tmp_path: Path
+) -> None:
     from tega_lerobot.plugin import TegaRobot, TegaRobotConfig
 
-    where = written(arm_lab.lab, tmp_path, tracker=None, mapping={"frame": "base", "absolute": True})
+    where = written(buttons.lab, tmp_path, tracker=None, mapping={"frame": "base", "absolute": True})
     names = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
     sent = 0.0
     with TegaRobot(TegaRobotConfig(**where)) as robot:
@@ -251,8 +245,8 @@ def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: Ar
             words = next(robot._joined[0]).arm
             if words.startswith("following"):
                 pose["arm_target.x_m"] = min(pose["arm_target.x_m"] + 0.02, 1.0)  # faster than it may go
-            elif arm_lab.buttons.taken_hold == ("press it again" in words):
-                arm_lab.buttons.toggle_clutch()
+            elif buttons.taken_hold == ("press it again" in words):
+                buttons.toggle_clutch()
             action = robot.send_action({"closure": 0.5, **pose})
             assert np.linalg.norm([action[f"arm_target.{name}"] for name in names[3:]]) == pytest.approx(1)
             sent = action["arm_target.x_m"]
@@ -267,15 +261,15 @@ def test_an_arm_action_is_limited_and_recorded_and_a_stale_one_rests(arm_lab: Ar
     for (t_s, before), (later_s, later) in pairwise(went):
         assert np.linalg.norm(later - before) <= 0.25 * (later_s - t_s) + 1e-5
     assert any("no pose came" in turn.reason for turn in turns[-500:])
-    assert arm_lab.lab.limp()
+    assert buttons.lab.limp()
 
 
 def test_a_teleoperator_gives_the_target_of_the_arm_that_its_tracker_leads(
-    arm_lab: ArmLab, tmp_path: Path
+    buttons: Buttons, tmp_path: Path
 ) -> None:
     from tega_lerobot.plugin import TegaRobot, TegaRobotConfig, TegaTeleoperator, TegaTeleoperatorConfig
 
-    where = written(arm_lab.lab, tmp_path)
+    where = written(buttons.lab, tmp_path)
     with TegaRobot(TegaRobotConfig(**where)) as robot:
         with TegaTeleoperator(TegaTeleoperatorConfig(**where)) as teleoperator:
             action = teleoperator.get_action()
@@ -301,12 +295,7 @@ def test_a_lost_camera_ends_lerobot(bench: Bench) -> None:
 
 
 def test_settings_that_lerobot_cannot_use_are_refused(tmp_path: Path) -> None:
-    from tega_lerobot.plugin import (
-        TegaRobot,
-        TegaRobotConfig,
-        TegaTeleoperator,
-        TegaTeleoperatorConfig,
-    )
+    from tega_lerobot.plugin import TegaRobot, TegaRobotConfig, TegaTeleoperator, TegaTeleoperatorConfig
 
     path = tmp_path / "lab.toml"
     path.write_text('[session]\npace = "fast"\n[tactile.thumb]\ndriver = "synthetic-touch"\n')

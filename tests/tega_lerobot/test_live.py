@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from reference.sessions import tree
 from tega.config import SessionConfig, check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
+from tega.hand import JOINT_NAMES
 from tega.loop.program import session
 from tega.recording.opened import open_recording
 from tega_lerobot import live as module
@@ -21,20 +26,55 @@ pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 pytest.importorskip("av", reason="needs the extra tega[lerobot]")
 
 
-@pytest.fixture
-def config(tmp_path: Path) -> SessionConfig:
+class Observed(NamedTuple):
+    """What was observed of a session, and its settings, recording and summary."""
+
+    config: SessionConfig
+    live: Live
+    pictures: dict[str, NDArray[np.uint8]]
+    small: dict[str, NDArray[np.uint8]]
+    errors: list[str]
+    file: Path
+
+
+@pytest.fixture(scope="module")
+def observed(tmp_path_factory: pytest.TempPathFactory) -> Observed:
+    folder = tmp_path_factory.mktemp("observed")
     made_up = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 1.5}}
-    return check_tree(tree(tmp_path / "session") | {"emg": made_up}, {}, base=Path.cwd()).config
+    config = check_tree(tree(folder) | {"emg": made_up}, {}, base=folder).config
+    n_channels = emg_channel_count(config)
+    known, other = (feature_names(config, emg_channels=n) for n in (n_channels, n_channels + 1))
+    s, errors = session(config), list[str]()
+    live = Live(s)
 
+    def fails(call: Callable[..., object], *given: Any, **how: Any) -> None:
+        with pytest.raises((ConfigError, DeviceUnavailableError)) as refused:
+            call(*given, **how)
+        errors.append(str(refused.value))
 
-def test_a_session_is_observed_under_the_names_of_the_export(config: SessionConfig, tmp_path: Path) -> None:
-    with session(config) as s:
+    fails(live.closure_numbers)
+    with s:
+        live.wait({"observation.touch": known["observation.touch"]}, ["thumb", "ring"], patience_s=30)
+        live.wait({"observation.emg_levels": None}, [], patience_s=30)
+        pictures, small = live.pictures(height=320, width=240), live.pictures(height=80, width=60)
+        level, closure = live.closure_numbers()
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(module, "_STALE_S", 0.0)
+            fails(live.closure_numbers)
+            fails(live.pictures, height=80, width=60)
+        fails(live.wait, {"observation.emg_levels": other["observation.emg_levels"]}, [], patience_s=30)
+        fails(live.wait, {"observation.arm": None}, [], patience_s=30)
         for _ in s:
             pass
-    path = tmp_path / "session" / s.summary["recording"]["file"]
-    export_lerobot([path], tmp_path / "dataset", fps=25)
+    assert 1 <= level <= 5
+    assert 0 <= closure <= 1
+    return Observed(config, live, pictures, small, errors, folder / s.summary["recording"]["file"])
+
+
+def test_a_session_is_observed_under_the_names_of_the_export(observed: Observed, tmp_path: Path) -> None:
+    export_lerobot([observed.file], tmp_path / "dataset", fps=25)
     exported = json.loads((tmp_path / "dataset" / "meta" / "info.json").read_text())["features"]
-    known = feature_names(config, emg_channels=emg_channel_count(config))
+    known = feature_names(observed.config, emg_channels=emg_channel_count(observed.config))
     assert known
     assert known == {name: exported[name]["names"] for name in known}
     counters = {"timestamp", "frame_index", "episode_index", "index", "task_index"}
@@ -42,60 +82,32 @@ def test_a_session_is_observed_under_the_names_of_the_export(config: SessionConf
     assert set(exported) - set(known) == counters | pictures | {"observation.emg"}
 
 
-def test_the_newest_values_are_those_of_the_recording(config: SessionConfig, tmp_path: Path) -> None:
-    s = session(config)
-    live = Live(s)
-    known = feature_names(config, emg_channels=emg_channel_count(config))
-    with s:
-        live.wait({"observation.touch": known["observation.touch"]}, ["thumb", "ring"], patience_s=30)
-        pictures = live.pictures(height=320, width=240)
-        small = live.pictures(height=80, width=60)
-        for _ in s:
-            pass
-    recording = open_recording(tmp_path / "session")
+def test_the_newest_values_are_those_of_the_recording(observed: Observed) -> None:
+    recording, live = open_recording(observed.file), observed.live
     joints = live.numbers(["observation.state"])
-    last = recording["/hand/joints"][-1].angles_rad
-    assert list(joints.values()) == pytest.approx(last)
-    assert list(joints) == known["observation.state"]
+    assert list(joints.values()) == pytest.approx(recording["/hand/joints"][-1].angles_rad)
+    assert list(joints) == list(JOINT_NAMES)
     forces = live.numbers(["observation.touch_si"])
     for finger in ("thumb", "ring"):
         contact = recording[f"/tactile/{finger}/contact"][-1]
         assert forces[f"{finger}.force_n"] == pytest.approx(contact.force_n or 0.0)
-        newest = recording[f"/tactile/{finger}/image"]
-        assert any(np.array_equal(pictures[finger][..., ::-1], picture) for picture in newest)
-        assert small[finger].shape == (80, 60, 3)
-        assert abs(small[finger].mean() - pictures[finger].mean()) < 1
+        newest, picture = recording[f"/tactile/{finger}/image"], observed.pictures[finger]
+        assert any(np.array_equal(picture[..., ::-1], one) for one in newest)
+        assert observed.small[finger].shape == (80, 60, 3)
+        assert abs(observed.small[finger].mean() - picture.mean()) < 1
 
 
-def test_the_past_is_an_error(config: SessionConfig, monkeypatch: pytest.MonkeyPatch) -> None:
-    s = session(config)
-    live = Live(s)
-    with pytest.raises(DeviceUnavailableError, match="/emg/levels: nothing new"):
-        live.closure_numbers()
-    with s:
-        live.wait({"observation.emg_levels": None}, ["thumb"], patience_s=30)
-        level, closure = live.closure_numbers()
-        assert 1 <= level <= 5
-        assert 0 <= closure <= 1
-        monkeypatch.setattr(module, "_STALE_S", 0.0)
-        with pytest.raises(DeviceUnavailableError, match="/emg/levels: nothing new"):
-            live.closure_numbers()
-        with pytest.raises(DeviceUnavailableError, match=r"/tactile/.*/image: nothing new"):
-            live.pictures(height=80, width=60)
-
-
-def test_another_number_of_channels_is_an_error_that_says_what_to_set(config: SessionConfig) -> None:
-    n_channels = emg_channel_count(config)
-    wrong = feature_names(config, emg_channels=n_channels + 1)
-    s = session(config)
-    live = Live(s)
-    text = f"the EMG has {n_channels} channels, not {n_channels + 1}; set emg_channels"
-    with s, pytest.raises(ConfigError, match=text):
-        live.wait({"observation.emg_levels": wrong["observation.emg_levels"]}, [], patience_s=30)
-
-
-def test_what_never_comes_is_named(config: SessionConfig) -> None:
-    s = session(config)
-    live = Live(s)
-    with s, pytest.raises(DeviceUnavailableError, match=r"run has ended|not yet observed: observation\.arm"):
-        live.wait({"observation.arm": None}, [], patience_s=30)
+def test_the_past_other_channels_and_what_never_comes_are_errors(observed: Observed) -> None:
+    n = emg_channel_count(observed.config)
+    for error, text in zip(
+        observed.errors,
+        (
+            "/emg/levels: nothing new",
+            "/emg/levels: nothing new",
+            r"/tactile/.*/image: nothing new",
+            f"the EMG has {n} channels, not {n + 1}; set emg_channels",
+            r"run has ended|not yet observed: observation\.arm",
+        ),
+        strict=True,
+    ):
+        assert re.search(text, error)

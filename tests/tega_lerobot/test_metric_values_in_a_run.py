@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
 
+from reference.installed import distribution
 from reference.sessions import read_recorded
 from tega.config import check_tree
 from tega.loop import run_session
@@ -53,17 +54,15 @@ class Weighing(Metric):
 """
 
 
-@pytest.fixture(autouse=True)
-def weighing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def _weighing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Install the metric as anybody's package would."""
-    folder = tmp_path / "site"
-    info = folder / "tega_test_weighing-1.0.dist-info"
-    info.mkdir(parents=True)
-    (folder / "tega_test_weighing.py").write_text(METRIC)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tega_test_weighing\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text("[tega.metrics]\nweighing = tega_test_weighing:Weighing\n")
-    monkeypatch.syspath_prepend(folder)
-    monkeypatch.delitem(sys.modules, "tega_test_weighing", raising=False)
+    entries = "[tega.metrics]\nweighing = tega_test_weighing:Weighing\n"
+    site = distribution(tmp_path_factory.mktemp("site"), "tega_test_weighing", entries)
+    (site / "tega_test_weighing.py").write_text(METRIC)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(site)
+        yield
 
 
 class Ran(NamedTuple):
@@ -98,8 +97,13 @@ def run(folder: Path, **metric: Any) -> Ran:
     return Ran(grips, contacts, folder / "recorded" / summary["recording"]["file"])
 
 
-def test_a_force_over_the_limit_of_the_reflex_eases_the_grip_of_a_run(tmp_path: Path) -> None:
-    light, heavy = run(tmp_path / "light", force_n=1.0), run(tmp_path / "heavy", force_n=9.0)
+@pytest.fixture(scope="module")
+def heavy(tmp_path_factory: pytest.TempPathFactory) -> Ran:
+    return run(tmp_path_factory.mktemp("heavy"), force_n=9.0)
+
+
+def test_a_force_over_the_limit_of_the_reflex_eases_the_grip_of_a_run(heavy: Ran, tmp_path: Path) -> None:
+    light = run(tmp_path, force_n=1.0)
     assert max(one.wish for one in light.grips) == 1.0
     assert max(one.added for one in light.grips) > 0
     assert min(one.wish for one in heavy.grips) == -1.0
@@ -115,27 +119,25 @@ def test_a_force_that_a_metric_gives_by_name_is_the_contact_s_force(tmp_path: Pa
     assert replay_file(named.file).same
 
 
-def test_every_file_of_a_run_holds_the_values_that_its_metric_gave(tmp_path: Path) -> None:
-    ran = run(tmp_path, force_n=9.0)
-    touched = [one for one in ran.contacts if one.in_contact]
+def test_every_file_of_a_run_holds_the_values_that_its_metric_gave(heavy: Ran) -> None:
+    touched = [one for one in heavy.contacts if one.in_contact]
     assert len(touched) > 20
     assert {(one.area_mm2, one.depth_mm, one.force_n, one.strength, one.broad) for one in touched} == {
         (12.5, 0.5, 9.0, 0.25, 0.75)
     }
-    assert repr(read_recorded(ran.file).contacts["thumb"]) == repr(ran.contacts)
-    assert replay_file(ran.file).same
-    with (tmp_path / "out" / "contacts.csv").open(encoding="utf-8") as file:
+    assert repr(read_recorded(heavy.file).contacts["thumb"]) == repr(heavy.contacts)
+    assert replay_file(heavy.file).same
+    with (heavy.file.parents[1] / "out" / "contacts.csv").open(encoding="utf-8") as file:
         table = list(csv.DictReader(file))
-    assert [float(row["force_n"]) for row in table] == [one.force_n for one in ran.contacts]
+    assert [float(row["force_n"]) for row in table] == [one.force_n for one in heavy.contacts]
 
 
-def test_a_data_set_of_a_run_has_area_depth_and_force(tmp_path: Path) -> None:
+def test_a_data_set_of_a_run_has_area_depth_and_force(heavy: Ran, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
     pytest.importorskip("av", reason="needs the extra tega[lerobot]")
     from tega_lerobot.dataset import export_lerobot
 
-    ran = run(tmp_path, force_n=9.0)
-    folder = export_lerobot([ran.file], tmp_path / "set", fps=25, task="hold")
+    folder = export_lerobot([heavy.file], tmp_path / "set", fps=25, task="hold")
     features = json.loads((folder / "meta" / "info.json").read_text())["features"]
     names = ["thumb.area_mm2", "thumb.depth_mm", "thumb.force_n"]
     assert features["observation.touch_si"]["names"] == names

@@ -5,104 +5,43 @@
 Contacts are received with the type that TEGA announces, which Cyclone DDS asks for on the wire.
 """
 
-# Cyclone DDS reads the annotations of its types, so they are not postponed here.
-import json
-import queue
-import sys
-import threading
 import time
-from dataclasses import dataclass
 from typing import Any
 
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication
 from cyclonedds.core import DDSException, Policy, Qos
 from cyclonedds.domain import DomainParticipant
 from cyclonedds.dynamic import get_types_for_typeid
-from cyclonedds.idl import IdlStruct
+from cyclonedds.idl import make_idl_struct
 from cyclonedds.idl.types import float64, int32, sequence, uint8, uint32
 from cyclonedds.pub import DataWriter
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
+from peer_lines import asked, fields_of, say
 
 
-@dataclass
-class Time(IdlStruct, typename="builtin_interfaces.msg.dds_.Time_"):
-    sec: int32
-    nanosec: uint32
+def message(kind: str, **fields: Any) -> Any:
+    package, _, name = kind.partition("/")
+    return make_idl_struct(name, f"{package}.msg.dds_.{name}_", fields)
 
 
-@dataclass
-class Header(IdlStruct, typename="std_msgs.msg.dds_.Header_"):
-    stamp: Time
-    frame_id: str
-
-
-@dataclass
-class String(IdlStruct, typename="std_msgs.msg.dds_.String_"):
-    data: str
-
-
-@dataclass
-class JointState(IdlStruct, typename="sensor_msgs.msg.dds_.JointState_"):
-    header: Header
-    name: sequence[str]
-    position: sequence[float64]
-    velocity: sequence[float64]
-    effort: sequence[float64]
-
-
-@dataclass
-class CompressedImage(IdlStruct, typename="sensor_msgs.msg.dds_.CompressedImage_"):
-    header: Header
-    format: str
-    data: sequence[uint8]
-
-
-@dataclass
-class Vector3(IdlStruct, typename="geometry_msgs.msg.dds_.Vector3_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Wrench(IdlStruct, typename="geometry_msgs.msg.dds_.Wrench_"):
-    force: Vector3
-    torque: Vector3
-
-
-@dataclass
-class WrenchStamped(IdlStruct, typename="geometry_msgs.msg.dds_.WrenchStamped_"):
-    header: Header
-    wrench: Wrench
-
-
-@dataclass
-class Point(IdlStruct, typename="geometry_msgs.msg.dds_.Point_"):
-    x: float64
-    y: float64
-    z: float64
-
-
-@dataclass
-class Quaternion(IdlStruct, typename="geometry_msgs.msg.dds_.Quaternion_"):
-    x: float64
-    y: float64
-    z: float64
-    w: float64
-
-
-@dataclass
-class Pose(IdlStruct, typename="geometry_msgs.msg.dds_.Pose_"):
-    position: Point
-    orientation: Quaternion
-
-
-@dataclass
-class PoseStamped(IdlStruct, typename="geometry_msgs.msg.dds_.PoseStamped_"):
-    header: Header
-    pose: Pose
-
+Time = message("builtin_interfaces/Time", sec=int32, nanosec=uint32)
+Header = message("std_msgs/Header", stamp=Time, frame_id=str)
+String = message("std_msgs/String", data=str)
+JointState = message(
+    "sensor_msgs/JointState",
+    header=Header,
+    name=sequence[str],
+    **dict.fromkeys(("position", "velocity", "effort"), sequence[float64]),
+)
+CompressedImage = message("sensor_msgs/CompressedImage", header=Header, format=str, data=sequence[uint8])
+Vector3 = message("geometry_msgs/Vector3", x=float64, y=float64, z=float64)
+Wrench = message("geometry_msgs/Wrench", force=Vector3, torque=Vector3)
+WrenchStamped = message("geometry_msgs/WrenchStamped", header=Header, wrench=Wrench)
+Point = message("geometry_msgs/Point", x=float64, y=float64, z=float64)
+Quaternion = message("geometry_msgs/Quaternion", x=float64, y=float64, z=float64, w=float64)
+Pose = message("geometry_msgs/Pose", position=Point, orientation=Quaternion)
+PoseStamped = message("geometry_msgs/PoseStamped", header=Header, pose=Pose)
 
 RELIABLE = Qos(Policy.Reliability.Reliable(max_blocking_time=10**8), Policy.History.KeepLast(10))
 BEST_EFFORT = Qos(Policy.Reliability.BestEffort, Policy.History.KeepLast(5))
@@ -113,35 +52,6 @@ HEARD = {
     "/run/state/text": (String, RELIABLE),
 }
 CONTACT = "/tactile/thumb/contact"
-
-
-def say(**fields: Any) -> None:
-    sys.stdout.write(json.dumps(fields) + "\n")
-    sys.stdout.flush()
-
-
-def listen(requested: queue.Queue[dict[str, Any]]) -> None:
-    for line in sys.stdin:
-        requested.put(json.loads(line))
-
-
-def fields_of(topic: str, message: Any) -> dict[str, Any]:
-    match message:
-        case JointState():
-            return {"name": list(message.name), "position": list(message.position)}
-        case CompressedImage():
-            return {
-                "format": message.format,
-                "data": bytes(message.data[:2]).hex(),
-                "size": len(message.data),
-            }
-        case WrenchStamped():
-            return {"force_z": message.wrench.force.z, "frame_id": message.header.frame_id}
-        case String():
-            return {"data": message.data}
-        case _:
-            assert topic == CONTACT
-            return {"frame_id": message.header.frame_id, "cci": message.cci, "t_ns": message.t_ns}
 
 
 class Peer:
@@ -193,9 +103,7 @@ def header(wanted: dict[str, Any]) -> Header:
 
 
 def main() -> None:
-    requested: queue.Queue[dict[str, Any]] = queue.Queue()
-    threading.Thread(target=listen, args=(requested,), daemon=True).start()
-    peer, now, n = Peer(), dict[str, Any](), 0
+    requested, peer, now, n = asked(), Peer(), dict[str, Any](), 0
     say(topic="ready")
     while True:
         time.sleep(0.02)
@@ -207,19 +115,17 @@ def main() -> None:
         if n % 10 == 0:
             peer.check()
         for topic, reader in peer.readers.items():
-            for message in reader.take(10):
-                if message.sample_info.valid_data:
-                    say(topic=topic, **fields_of(topic, message))
+            for taken in reader.take(10):
+                if taken.sample_info.valid_data:
+                    say(topic=topic, **fields_of(taken))
         if (wanted := now.get("hand")) is not None:
             more: Any = [
                 [float(one) for one in wanted.get(f, [])] for f in ("position", "velocity", "effort")
             ]
             peer.hand.write(JointState(header(wanted), wanted["name"], *more))
         if (wanted := now.get("arm")) is not None:
-            place, turn = (
-                Point(*map(float, wanted["position"])),
-                Quaternion(*map(float, wanted["orientation"])),
-            )
+            place = Point(*map(float, wanted["position"]))
+            turn = Quaternion(*map(float, wanted["orientation"]))
             peer.arm.write(PoseStamped(header(wanted), Pose(place, turn)))
 
 

@@ -7,14 +7,11 @@ the header, ``"stamp": false`` leaves it at zero, ``null`` ends publishing.
 
 from __future__ import annotations
 
-import json
-import queue
-import sys
-import threading
 from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, WrenchStamped
+from peer_lines import asked, fields_of, say
 from rclpy.duration import Duration
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, JointState
@@ -26,33 +23,6 @@ HEARD = {
     "/tactile/thumb/wrench": (WrenchStamped, 10),
     "/run/state/text": (String, 10),
 }
-
-
-def say(**fields: Any) -> None:
-    sys.stdout.write(json.dumps(fields) + "\n")
-    sys.stdout.flush()
-
-
-def listen(requested: queue.Queue[dict[str, Any]]) -> None:
-    for line in sys.stdin:
-        requested.put(json.loads(line))
-
-
-def fields_of(message: Any) -> dict[str, Any]:
-    """Return the fields that the test compares."""
-    match message:
-        case JointState():
-            return {"name": list(message.name), "position": list(message.position)}
-        case CompressedImage():
-            return {
-                "format": message.format,
-                "data": bytes(message.data[:2]).hex(),
-                "size": len(message.data),
-            }
-        case WrenchStamped():
-            return {"force_z": message.wrench.force.z, "frame_id": message.header.frame_id}
-        case _:
-            return {"data": message.data}
 
 
 def graph(node: Any) -> dict[str, Any]:
@@ -73,8 +43,7 @@ def graph(node: Any) -> dict[str, Any]:
 
 
 def main() -> None:
-    requested: queue.Queue[dict[str, Any]] = queue.Queue()
-    threading.Thread(target=listen, args=(requested,), daemon=True).start()
+    requested = asked()
     rclpy.init()
     node = rclpy.create_node("tega_test_peer")
 

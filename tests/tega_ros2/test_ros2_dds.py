@@ -32,7 +32,7 @@ from tega_ros2.definitions import Definitions
 from tega_ros2.part import age_ns, arm_pose, hand_closure
 from tega_websocket.messages import MessageError
 
-SCALE = ClosureScale()
+SCALE, CONVERTER = ClosureScale(), Converter("test", 0)
 _own = st.one_of([records_of(kind) for kind in RECORDS if own_schema(kind) and kind is not HandExchange])
 _angles = st.lists(st.floats(-math.pi, math.pi), min_size=16, max_size=16)
 
@@ -41,7 +41,7 @@ _angles = st.lists(st.floats(-math.pi, math.pi), min_size=16, max_size=16)
 def node() -> Any:
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", "231")
-        made = DdsNode(Definitions("test"))
+        made = DdsNode(CONVERTER.definitions)
         yield made
         made.close()
 
@@ -65,10 +65,8 @@ def test_the_announced_type_of_every_record_reads_its_message(node: Any, record:
     record = in_time(record)
     name = schema_name(type(record))
     value = message_class(name)(**values(record))
-    converter = Converter("test", 0)
-    for _, kind, made in converter.convert(Message(record.where, f"tega.{name}", record.log_ns, 0, value)):
-        node._definitions = converter.definitions
-        cdr = bytes(converter.definitions.store.serialize_cdr(made, kind))
+    for _, kind, made in CONVERTER.convert(Message(record.where, f"tega.{name}", record.log_ns, 0, value)):
+        cdr = bytes(CONVERTER.definitions.store.serialize_cdr(made, kind))
         idl = node.type(kind).__idl__
         # Cyclone DDS's own reading and writing, which nothing else here uses.
         again = idl.serialize(idl.deserialize(cdr), use_version_2=False)

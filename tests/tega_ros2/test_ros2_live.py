@@ -12,6 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -109,30 +110,26 @@ def peer(request: pytest.FixtureRequest) -> Iterator[Peer]:
 
 
 class Run:
-    """A run in a thread, with what it publishes on its bus.
-
-    Args:
-        given: Its settings.
-        stream: Whether it is streamed.
-    """
+    """A run of settings in a thread, perhaps streamed, with what it publishes on its bus."""
 
     def __init__(self, given: dict[str, Any], *, stream: bool = False, base: Path | None = None) -> None:
-        self.view: LoopView | None = None
+        self.view = LoopView(0, {}, None, None, None, {})
         self.bus, self.summary = observed(self._observe), dict[str, Any]()
         self.records: list[Any] = []
         self.stream = Ros2Stream(self.bus) if stream else None
         self._config = check_tree(given, {}, base=base or Path.cwd()).config
-        self._over = threading.Event()
+        self._begun, self._over = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         for kind in (Contact, Intent, Joints):
             self.bus.subscribe(kind, self.records.append)
 
     def _observe(self, view: LoopView) -> None:
         self.view = view
+        self._begun.set()
 
     def __enter__(self) -> Run:
         self._thread.start()
-        until(lambda: self.view is not None or not self._thread.is_alive())
+        until(lambda: self._begun.is_set() or not self._thread.is_alive())
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -142,11 +139,8 @@ class Run:
 
     def _run(self) -> None:
         controls = Controls(stop=self._over.is_set)
-        if self.stream is None:
+        with nullcontext() if self.stream is None else self.stream:
             self.summary = run_session(self._config, bus=self.bus, controls=controls)
-        else:
-            with self.stream:
-                self.summary = run_session(self._config, bus=self.bus, controls=controls)
 
     def all(self, kind: type[Any]) -> list[Any]:
         return [record for record in list(self.records) if isinstance(record, kind)]
@@ -157,23 +151,13 @@ class Run:
         intents = self.all(Intent)
         return intents[-1].closure if intents else None
 
-    def state(self) -> str:
-        return "" if self.view is None else self.view.state
-
-    def reason(self) -> str:
-        return "" if self.view is None else self.view.reason
-
-    def arm(self) -> str:
-        return "" if self.view is None else self.view.arm
-
     def arm_hand_m(self) -> tuple[float, float, float]:
-        assert self.view is not None
         assert self.view.seen_arm is not None
         assert self.view.seen_arm.hand_m is not None
         return self.view.seen_arm.hand_m
 
     def alerts(self) -> str:
-        return "" if self.view is None else " ".join(map(str, self.view.alerts))
+        return " ".join(map(str, self.view.alerts))
 
 
 def settings(**table: Any) -> dict[str, Any]:
@@ -220,9 +204,9 @@ def test_a_peer_receives_what_the_run_publishes_with_ros_s_names_types_hashes_an
 @pytest.mark.raises("ros2")
 def test_a_peer_closes_the_hand_and_a_silent_or_departed_one_lets_it_hold(peer: Peer) -> None:
     with Run(settings()) as run:
-        until(lambda: "no publisher leads" in run.reason())
+        until(lambda: "no publisher leads" in run.view.reason)
         peer.close_hand(0.75)
-        until(lambda: run.state() == "active" and run.closure == 0.75)
+        until(lambda: run.view.state == "active" and run.closure == 0.75)
         # All joints at the pose of level 2, and then a little beyond the limits: clipped, closed, no more than that.
         level_2 = CLOSURE_POSES_RAD[1].tolist()
         peer.ask(hand={"name": JOINT_NAMES[::-1], "position": level_2[::-1]})
@@ -231,14 +215,14 @@ def test_a_peer_closes_the_hand_and_a_silent_or_departed_one_lets_it_hold(peer: 
         peer.ask(hand={"name": JOINT_NAMES, "position": over, "stamp": False})
         until(lambda: run.closure == 1.0)
         peer.ask(hand=None)
-        until(lambda: run.state() == "hold" and "no level from publisher 1" in run.reason())
+        until(lambda: run.view.state == "hold" and "no level from publisher 1" in run.view.reason)
         # Another takes over once the first is gone, and not before.
         peer.process.send_signal(signal.SIGINT)
         peer.process.wait(10)
-        until(lambda: "no publisher leads" in run.reason())
+        until(lambda: "no publisher leads" in run.view.reason)
         with Peer("cyclone") as other:
             other.close_hand(0.25)
-            until(lambda: run.state() == "active" and run.closure == 0.25)
+            until(lambda: run.view.state == "active" and run.closure == 0.25)
     assert run.summary["ros2"]["publishers"] == 2
     assert run.summary["ros2"]["refused"].keys() <= {"old", "out of order"}
 
@@ -263,11 +247,11 @@ BAD = [
 def test_a_target_that_cannot_be_used_is_refused_with_the_reason_and_moves_nothing(peer: Peer) -> None:
     with Run(settings()) as run:
         peer.close_hand(0.25)
-        until(lambda: run.closure == 0.25 and run.state() == "active")
+        until(lambda: run.closure == 0.25 and run.view.state == "active")
         for wanted, why in BAD:
             peer.ask(hand=wanted)
             until(lambda why=why: f"/hand/target refused: {why}" in run.alerts())  # type: ignore[misc]
-            until(lambda: run.state() == "hold")
+            until(lambda: run.view.state == "hold")
         assert {record.closure for record in run.all(Intent)} == {0.25}
     assert run.summary["ros2"]["refused"].keys() >= {why for _, why in BAD}
 
@@ -277,7 +261,7 @@ def test_a_run_that_a_peer_led_is_computed_again_bit_for_bit(tmp_path: Path) -> 
     with Run(given) as run, Peer("cyclone") as peer:
         for closure in (0.25, 0.75, 0.5):
             peer.close_hand(closure)
-            until(lambda closure=closure: run.closure == closure and run.state() == "active")  # type: ignore[misc]
+            until(lambda closure=closure: run.closure == closure and run.view.state == "active")  # type: ignore[misc]
     replay = replay_file(tmp_path / str(run.summary["recording"]["file"]))
     assert not any(one.differ for one in replay.streams)
     assert {one.stream: one.replayed for one in replay.streams}["/emg/levels"] > 3
@@ -286,11 +270,11 @@ def test_a_run_that_a_peer_led_is_computed_again_bit_for_bit(tmp_path: Path) -> 
 def test_a_second_publisher_does_not_lead(peer: Peer) -> None:
     with Run(settings()) as run, Peer("cyclone") as second:
         peer.close_hand(0.25)
-        until(lambda: run.closure == 0.25 and run.state() == "active")
+        until(lambda: run.closure == 0.25 and run.view.state == "active")
         second.close_hand(0.75)
         until(lambda: "not leading: publisher 1 leads" in run.alerts())
         assert {record.closure for record in run.all(Intent)} == {0.25}
-        assert run.state() == "active"
+        assert run.view.state == "active"
 
 
 def test_a_subscriber_that_stops_or_vanishes_does_not_stop_the_run(peer: Peer) -> None:
@@ -298,15 +282,15 @@ def test_a_subscriber_that_stops_or_vanishes_does_not_stop_the_run(peer: Peer) -
         other.close_hand(0.5)
         until(lambda: len(peer.seen.get("/hand/joints", ())) > 3)
         peer.process.send_signal(signal.SIGSTOP)  # subscribed to everything, and acknowledges nothing
-        began = run.view.t_ns if run.view is not None else 0
-        until(lambda: run.view is not None and run.view.t_ns > began + 5e9)
+        began = run.view.t_ns
+        until(lambda: run.view.t_ns > began + 5e9)
         n = len(other.seen["/hand/joints"])
         until(lambda: len(other.seen["/hand/joints"]) > n + 20)
-        assert run.state() == "active"
+        assert run.view.state == "active"
         peer.process.kill()
         n = len(other.seen["/tactile/thumb/image"])
         until(lambda: len(other.seen["/tactile/thumb/image"]) > n + 20)
-        assert run.state() == "active"
+        assert run.view.state == "active"
     assert run.summary["ended"] == "stopped"
 
 
@@ -341,10 +325,10 @@ def test_a_pose_leads_the_arm_while_dead_man_and_clutch_are_held(peer: Peer, tmp
         given["arm"]["mapping"] = {"frame": "ros"}
         with Run(given, base=tmp_path) as run:
             peer.ask(arm={"position": [0, 0, 0], "orientation": turn})
-            until(lambda: "clutch is open" in run.arm())
+            until(lambda: "clutch is open" in run.view.arm)
             lab.cap.say("press 0")
             lab.cap.say("press 1")
-            until(lambda: run.arm().startswith("following"))
+            until(lambda: run.view.arm.startswith("following"))
             before = run.arm_hand_m()
             for step in range(41):
                 peer.ask(arm={"position": [step * 1e-3, 0, 0], "orientation": turn})
@@ -354,5 +338,5 @@ def test_a_pose_leads_the_arm_while_dead_man_and_clutch_are_held(peer: Peer, tmp
             for wanted, why in BAD_POSES:
                 peer.ask(arm=wanted)
                 until(lambda why=why: f"/forearm refused: {why}" in run.alerts())  # type: ignore[misc]
-            until(lambda: not run.arm().startswith("following"))
+            until(lambda: not run.view.arm.startswith("following"))
     assert run.summary["ros2"]["commands"] > 40

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import socket
 import sys
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -27,6 +30,9 @@ from tega.ui.view import same_machine
 from tega_viewers.foxglove_stream import FoxgloveStream
 
 FINGER = "thumb"
+PICTURE = Picture(
+    finger=FINGER, image=np.zeros((32, 24, 3), np.uint8), t_ns=7, received_ns=7, seq=0, name="a picture"
+)
 
 
 class Viewer:
@@ -50,11 +56,24 @@ class Viewer:
         wanted = [{"id": 1, "channelId": self.advertised(topic)["id"]}]
         self.peer.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
-    def message(self) -> bytes:
+    def after(self, publish: Callable[[], object]) -> bytes:
+        """Return the next message; what is published before the subscription has arrived is for nobody."""
         while True:
-            sentence = self.peer.recv(timeout=0.05)
-            if isinstance(sentence, bytes) and sentence[0] == 1:
+            publish()
+            with suppress(TimeoutError):
+                while not isinstance(sentence := self.peer.recv(timeout=0.05), bytes) or sentence[0] != 1:
+                    pass
                 return sentence[13:]
+
+
+@pytest.fixture(scope="module")
+def stream() -> Iterator[FoxgloveStream]:
+    with FoxgloveStream(Bus(), port=0) as made:
+        yield made
+
+
+def place(stream: FoxgloveStream) -> tuple[str, int]:
+    return "127.0.0.1", int(stream.url.rpartition(":")[2])
 
 
 def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
@@ -63,14 +82,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         reported: list[Record] = [
             Contact(finger=FINGER, t_ns=5_000_000, in_contact=True, cci_norm=0.25),
             VestFrame(t_ns=6_000_000, layout="x16", intensities=(7,) * 16),
-            Picture(
-                finger=FINGER,
-                image=np.zeros((32, 24, 3), np.uint8),
-                t_ns=7,
-                received_ns=7,
-                seq=0,
-                name="a picture",
-            ),
+            PICTURE,
         ]
         for record in reported:
             bus.publish(record)
@@ -79,13 +91,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         viewer.subscribe(topic)
         assert viewer.advertised(f"/tactile/{FINGER}/image")["schemaName"] == "foxglove.CompressedImage"
         assert viewer.advertised("/vest/frame")["schemaName"] == "tega.VestFrame"
-        data = None
-        while data is None:  # what comes before the subscription has arrived is for nobody
-            bus.publish(reported[0])
-            try:
-                data = viewer.message()
-            except TimeoutError:
-                continue
+        data = viewer.after(lambda: bus.publish(reported[0]))
         value = decoder("tega.Contact", schema_bytes()).FromString(data)
         assert (value.in_contact, value.cci_norm, value.t_ns) == (True, 0.25, 5_000_000)
         viewer.peer.close()
@@ -106,44 +112,38 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         ({"Host": "evil.example:8765"}, False),
     ],
 )
-def test_pages_of_other_sites_are_refused(headers: dict[str, str], is_served: bool) -> None:
-    import socket
-
-    with FoxgloveStream(Bus(), port=0) as stream:
-        host = stream.url.removeprefix("ws://")
-        fields = {"Host": host, **headers}
-        with socket.create_connection(("127.0.0.1", int(host.rpartition(":")[2])), timeout=10) as peer:
-            peer.sendall(
-                b"GET / HTTP/1.1\r\n"
-                + b"".join(f"{name}: {value}\r\n".encode() for name, value in fields.items())
-                + b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
-                b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
-            )
-            answer = peer.recv(4096)
+def test_pages_of_other_sites_are_refused(
+    stream: FoxgloveStream, headers: dict[str, str], is_served: bool
+) -> None:
+    fields = {"Host": stream.url.removeprefix("ws://"), **headers}
+    with socket.create_connection(place(stream), timeout=10) as peer:
+        peer.sendall(
+            b"GET / HTTP/1.1\r\n"
+            + b"".join(f"{name}: {value}\r\n".encode() for name, value in fields.items())
+            + b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n"
+            b"Sec-WebSocket-Protocol: foxglove.sdk.v1\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n"
+        )
+        answer = peer.recv(4096)
     assert answer.startswith(b"HTTP/1.1 101" if is_served else b"HTTP/1.1 403"), answer
 
 
-def test_the_server_itself_is_at_no_address_that_a_page_would_try() -> None:
-    with FoxgloveStream(Bus(), port=0) as stream:
-        assert stream._front is not None
-        address, port = stream._front._behind
-        assert port != stream._front.port
-        if sys.platform == "linux":
-            assert address != "127.0.0.1"
-            assert address.startswith("127.")
+def test_the_server_itself_is_at_no_address_that_a_page_would_try(stream: FoxgloveStream) -> None:
+    address, port = stream._front._behind
+    assert port != stream._front.port
+    if sys.platform == "linux":
+        assert address != "127.0.0.1"
+        assert address.startswith("127.")
 
 
-def test_a_client_that_says_nothing_or_too_much_is_dropped(monkeypatch: pytest.MonkeyPatch) -> None:
-    import socket
-
+def test_a_client_that_says_nothing_or_too_much_is_dropped(
+    stream: FoxgloveStream, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(same_machine, "_HEAD_S", 0.2)
-    with FoxgloveStream(Bus(), port=0) as stream:
-        place = ("127.0.0.1", int(stream.url.rpartition(":")[2]))
-        with socket.create_connection(place, timeout=10) as silent:
-            assert silent.recv(100) == b""
-        with socket.create_connection(place, timeout=10) as flood:
-            flood.sendall(b"GET / HTTP/1.1\r\nX: " + b"x" * 40_000)
-            assert flood.recv(100).startswith(b"HTTP/1.1 403")
+    with socket.create_connection(place(stream), timeout=10) as silent:
+        assert silent.recv(100) == b""
+    with socket.create_connection(place(stream), timeout=10) as flood:
+        flood.sendall(b"GET / HTTP/1.1\r\nX: " + b"x" * 40_000)
+        assert flood.recv(100).startswith(b"HTTP/1.1 403")
 
 
 def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -157,26 +157,18 @@ def test_pictures_are_compressed_for_who_listens_alone(monkeypatch: pytest.Monke
         return compress(*given)
 
     monkeypatch.setattr(cv2, "imencode", counted)
-    image = np.zeros((32, 24, 3), np.uint8)
-    picture = Picture(finger=FINGER, image=image, t_ns=7, received_ns=7, seq=0, name="a picture")
     bus = Bus()
     with FoxgloveStream(bus, port=0):
         for _ in range(200):
-            bus.publish(picture)
+            bus.publish(PICTURE)
     assert len(n_compressed) == 1  # the first one makes the channel that an app may then choose
     with FoxgloveStream(bus, port=0) as stream:
-        bus.publish(picture)
+        bus.publish(PICTURE)
         viewer = Viewer(stream.url)
         viewer.subscribe(f"/tactile/{FINGER}/image")
-        n_received = 0
         # The first one heard may be the picture that made the channel: an app can choose it while that is compressed.
-        while n_received < 2:
-            bus.publish(picture)
-            try:
-                viewer.message()
-            except TimeoutError:
-                continue
-            n_received += 1
+        for _ in range(2):
+            viewer.after(lambda: bus.publish(PICTURE))
         viewer.peer.close()
     assert len(n_compressed) > 2
 
@@ -207,11 +199,10 @@ def test_a_run_is_the_same_with_and_without_the_stream(tmp_path: Path) -> None:
     assert len(frames[0]) > 30
 
 
-def test_a_port_that_is_taken_is_told() -> None:
-    with FoxgloveStream(Bus(), port=0) as stream:
-        port = int(stream.url.rpartition(":")[2])
-        with pytest.raises(DeviceUnavailableError, match=f"port {port} cannot be served"):
-            FoxgloveStream(Bus(), port=port).__enter__()
+def test_a_port_that_is_taken_is_told(stream: FoxgloveStream) -> None:
+    _, port = place(stream)
+    with pytest.raises(DeviceUnavailableError, match=f"port {port} cannot be served"):
+        FoxgloveStream(Bus(), port=port).__enter__()
 
 
 def test_the_layout_names_topics_and_fields_that_there_are() -> None:

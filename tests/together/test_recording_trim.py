@@ -20,7 +20,6 @@ from tega.recording.origin import LEAD_IN
 from tega.recording.remake import merge_sessions
 from tega.recording.replay import replay_file
 from tega.recording.trim import trim_session
-from tega.ui.cli.main import main
 from tega_emulators.process import Emulator
 
 S = 1_000_000_000
@@ -30,7 +29,14 @@ def epoch_ns(path: Path) -> int:
     return int(reported(path)["tega"]["epoch_ns"])
 
 
-@pytest.mark.parametrize(("from_s", "to_s"), [(0.311, 0.937), (0.0, 0.7), (0.5, None), (1.2, 99.0)])
+@pytest.fixture(scope="module")
+def halves(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    folder = tmp_path_factory.mktemp("halves")
+    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=folder / "early")
+    return [early, trim_session(lossless, from_s=0.8, to_s=None, out=folder / "late")]
+
+
+@pytest.mark.parametrize(("from_s", "to_s"), [(0.311, 0.937), (0.0, 0.7), (1.2, 99.0)])
 def test_a_part_has_the_same_messages_and_computes_to_the_same_bits(
     lossless: Path, tmp_path: Path, from_s: float, to_s: float | None
 ) -> None:
@@ -122,16 +128,16 @@ def test_a_conversation_with_a_hand_is_held_from_its_beginning(tmp_path: Path) -
     assert stream(replay, "/hand/bus").recorded > 0  # how often a loaded machine asks is not what is tried
 
 
-def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_path: Path) -> None:
-    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
-    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
+def test_nothing_is_overwritten_and_a_wrong_span_is_told(
+    lossless: Path, halves: list[Path], tmp_path: Path
+) -> None:
     taken = tmp_path / "taken"
     taken.mkdir()
     (taken / "mine.txt").write_text("mine")
     with pytest.raises(ConfigError, match="is there already"):
         trim_session(lossless, from_s=0.1, to_s=None, out=taken)
     with pytest.raises(ConfigError, match="is there already"):
-        merge_sessions([early, late], out=taken)
+        merge_sessions(halves, out=taken)
     for from_s, to_s, text in ((1.0, 0.5, "holds nothing"), (9.0, None, "is not in it")):
         with pytest.raises(RecordingError, match=text):
             trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "new")
@@ -140,13 +146,11 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless: Path, tmp_pat
 
 
 @pytest.mark.slow
-def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_path: Path) -> None:
-    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
-    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
-    words = ["recording", "merge", str(tmp_path / "late"), str(early), "--out", str(tmp_path / "both")]
-    with pytest.raises(SystemExit) as ended:
-        main(words)
-    assert ended.value.code == 0
+def test_sessions_are_merged_in_order_of_time_as_they_are(
+    halves: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    early, late = halves
+    call(capsys, "recording", "merge", late.parent, early, "--out", tmp_path / "both")
     both = sorted((tmp_path / "both").glob("*.mcap"))
     assert [messages(path) for path in both] == [messages(early), messages(late)]
     assert [attached(path) for path in both] == [attached(early), attached(late)]
@@ -164,53 +168,58 @@ def test_sessions_are_merged_in_order_of_time_as_they_are(lossless: Path, tmp_pa
     ],
 )
 def test_what_does_not_fit_together_is_not_merged(
-    lossless: Path, tmp_path: Path, change: dict[str, Any], text: str
+    halves: list[Path], tmp_path: Path, change: dict[str, Any], text: str
 ) -> None:
-    late = trim_session(lossless, from_s=0.8, to_s=None, out=tmp_path / "late")
-    early = trim_session(lossless, from_s=0.0, to_s=0.8, out=tmp_path / "early")
+    early, late = halves
     other = rewritten(late, tmp_path / "other.mcap", **change)
     with pytest.raises(RecordingError, match=text):
         merge_sessions([early, other], out=tmp_path / "both")
     assert not (tmp_path / "both").exists()
 
 
-def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(tmp_path: Path) -> None:
+def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(
+    short: Path, tmp_path: Path
+) -> None:
     """As the lifts of a demo that is computed faster than it lasts."""
-    for name in ("one", "two"):
-        settings = tree(tmp_path / name) | {"emg": {"driver": "synthetic-emg", "kind": "raw"}}
-        settings["emg"]["options"] = {"duration_s": 20.0}
-        del settings["tactile"]
-        run_session(check_tree(settings, {}, base=tmp_path).config)
-    (one,), (two,) = (list((tmp_path / name).glob("*.mcap")) for name in ("one", "two"))
-    assert messages(one)[-1][1] > epoch_ns(two)
-    both = merge_sessions([two.parent, one.parent], out=tmp_path / "both")
-    assert [messages(path) for path in both] == [messages(one), messages(two)]
+    later_ns = 50_000_000
+    (tmp_path / "two").mkdir()
+    two = rewritten(
+        short,
+        tmp_path / "two" / "trial-001.mcap",
+        tables={"tega": {"epoch_ns": str(epoch_ns(short) + later_ns)}},
+        times=lambda _topic, log_ns: log_ns + later_ns,
+    )
+    assert reported(short)["tega"]["start_ns"] == "0"
+    both = merge_sessions([two.parent, short.parent], out=tmp_path / "both")
+    assert [messages(path) for path in both] == [messages(short), messages(two)]
     with pytest.raises(RecordingError, match="of the same time"):
-        merge_sessions([one.parent, one], out=tmp_path / "again")
+        merge_sessions([short.parent, short], out=tmp_path / "again")
 
 
 @pytest.mark.parametrize("is_lossless", [True, False])
 def test_a_merged_session_says_whether_its_pictures_are_as_they_were(
     tmp_path: Path, is_lossless: bool
 ) -> None:
-    whole = record(tmp_path / "whole", lossless=is_lossless)
-    early = trim_session(whole, from_s=0.0, to_s=0.5, out=tmp_path / "early")
-    late = trim_session(whole, from_s=0.5, to_s=None, out=tmp_path / "late")
+    whole = record(tmp_path / "whole", duration_s=0.4, lossless=is_lossless)
+    early = trim_session(whole, from_s=0.0, to_s=0.2, out=tmp_path / "early")
+    late = trim_session(whole, from_s=0.2, to_s=None, out=tmp_path / "late")
     both = merge_sessions([early, late], out=tmp_path / "both")
     noted = json.loads((tmp_path / "both" / "session.json").read_text(encoding="utf-8"))
     assert [trial["lossless"] for trial in noted["trials"]] == [is_lossless] * 2
     assert [inspect_file(path).lossless for path in both] == [is_lossless] * 2
 
 
-def test_recordings_of_the_same_time_are_not_merged(lossless: Path, tmp_path: Path) -> None:
-    part = trim_session(lossless, from_s=1.0, to_s=None, out=tmp_path / "part")
+def test_recordings_of_the_same_time_are_not_merged(
+    lossless: Path, halves: list[Path], tmp_path: Path
+) -> None:
+    late = halves[1]
     with pytest.raises(RecordingError, match=r"overlap by 0\.\d+ s of the same time"):
-        merge_sessions([part, lossless], out=tmp_path / "both")
+        merge_sessions([late, lossless], out=tmp_path / "both")
     with pytest.raises(RecordingError, match="only one recording"):
-        merge_sessions([part], out=tmp_path / "both")
+        merge_sessions([late], out=tmp_path / "both")
     folder = tmp_path / "two"
     folder.mkdir()
     for name in ("trial-001.mcap", "trial-002.mcap"):
-        shutil.copy(part, folder / name)
+        shutil.copy(late, folder / name)
     with pytest.raises(RecordingError, match="two: holds 2 recordings"):
         trim_session(folder, from_s=1.1, to_s=SECONDS, out=tmp_path / "new")

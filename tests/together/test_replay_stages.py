@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -76,7 +77,10 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     assert "did you mean 'outline'" in call(capsys, "verify", recording, *wrong, code=1)[1]
 
 
-def test_loose_files_are_replayed_through_a_stage(tmp_path: Path, capsys: Any) -> None:
+def test_loose_files_are_replayed_through_a_stage(
+    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)  # no picture is drawn
     samples = np.random.default_rng(1).standard_normal((1000, 3)) * np.repeat([0.1, 1.0], 500)[:, None]
     np.save(tmp_path / "squeeze.npy", samples)
     words = ["--emg-rate-hz", "250", "--emg-kind", "raw", "--preset", "paper"]

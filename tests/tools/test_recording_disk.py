@@ -79,7 +79,7 @@ def test_the_next_run_finishes_what_was_cut(lossless: Path, tmp_path: Path) -> N
     folder = tmp_path / "session"
     folder.mkdir()
     (folder / "trial-001.mcap.part").write_bytes(data[:cut_at])
-    record(folder)
+    record(folder, duration_s=0.2)
     assert sorted(p.name for p in folder.iterdir()) == ["session.json", "trial-001.mcap", "trial-002.mcap"]
     states = [trial["state"] for trial in SessionFolder(folder).index()["trials"]]
     assert states == ["recovered", "complete"]
@@ -305,9 +305,11 @@ def test_a_folder_in_memory_that_names_another_file_is_left_alone(tmp_path: Path
 
 
 def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    whole = record(tmp_path / "session")
+    whole = tmp_path / "session" / lossless.name
+    whole.parent.mkdir()
+    shutil.copy(lossless, whole)
     part = whole.with_name(f"{whole.name}.part")
     part.write_bytes(whole.read_bytes()[: 3 * whole.stat().st_size // 4])
     whole.unlink()

@@ -62,32 +62,32 @@ def test_the_last_contact_before_a_set_end_is_compared(tmp_path: Path, *, lossle
         assert (summary["tactile"][name]["frames"], contacts.recorded, contacts.replayed) == (60, 60, 60)
 
 
-def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(lossless: Path, tmp_path: Path) -> None:
+def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(short: Path, tmp_path: Path) -> None:
     def later(topic: str, log_ns: int) -> int:
         return log_ns + 3600 * 10**9 * (topic == "/run/end")
 
-    path = rewritten(lossless, tmp_path / "gap.mcap", times=later)
-    with pytest.raises(RecordingError, match=r"gap.mcap: nothing was recorded for 3[56]\d\d s after 1.5 s"):
+    path = rewritten(short, tmp_path / "gap.mcap", times=later)
+    with pytest.raises(RecordingError, match=r"gap.mcap: nothing was recorded for 3[56]\d\d s after 0.2 s"):
         replay_file(path)
 
 
 @pytest.mark.parametrize(("topic", "field"), [("/emg/levels", "taken_ns"), ("/run/end", "n_waits")])
 def test_ticks_after_the_last_message_are_not_replayed(
-    lossless: Path, tmp_path: Path, topic: str, field: str
+    short: Path, tmp_path: Path, topic: str, field: str
 ) -> None:
     def far(of: str, value: Any) -> Any:
         if of == topic:
             setattr(value, field, 2**50)
         return value
 
-    found = replay_file(rewritten(lossless, tmp_path / "far.mcap", far))
+    found = replay_file(rewritten(short, tmp_path / "far.mcap", far))
     n_ticks = stream(found, "/hand/frames").replayed
-    assert n_ticks < round((SECONDS + 5) / 0.003)
+    assert n_ticks < round((0.2 + 5) / 0.003)
 
 
-def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) -> None:
+def test_one_altered_pixel_shows_wherever_it_is(short: Path, tmp_path: Path) -> None:
     choice = random.Random(5)
-    at = choice.randrange(90)
+    at = choice.randrange(12)
     seen = []
 
     def change(topic: str, value: Any) -> Any:
@@ -99,7 +99,7 @@ def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) 
                 value.data = bytes(pixels)
         return value
 
-    replay = replay_file(rewritten(lossless, tmp_path / "altered.mcap", change))
+    replay = replay_file(rewritten(short, tmp_path / "altered.mcap", change))
     assert not replay.same
     image = stream(replay, "/tactile/thumb/image")
     assert image.differ == 1
@@ -107,7 +107,7 @@ def test_one_altered_pixel_shows_wherever_it_is(lossless: Path, tmp_path: Path) 
 
 
 def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def change(topic: str, value: Any) -> Any:
         if topic == "/tactile/thumb/image":
@@ -116,7 +116,7 @@ def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(
             value.data = pixels.tobytes()
         return value
 
-    path = rewritten(lossless, tmp_path / "altered.mcap", change)
+    path = rewritten(short, tmp_path / "altered.mcap", change)
     replay = replay_file(path)
     for name in ("/tactile/thumb/image", "/tactile/thumb/contact", "/vest/frame"):
         assert stream(replay, name).differ > 0
@@ -179,15 +179,6 @@ def test_a_hand_that_closes_its_own_loop_is_held_the_same_conversation(tmp_path:
     assert replay.same
 
 
-@pytest.mark.parametrize("content", [b"", b"no such thing", b"\x89MCAP0\r\n"])
-def test_what_is_no_recording_is_refused_in_one_sentence(
-    tmp_path: Path, content: bytes, capsys: pytest.CaptureFixture[str]
-) -> None:
-    path = tmp_path / "other.mcap"
-    path.write_bytes(content)
-    assert "error: other.mcap: " in call(capsys, "verify", path, code=1)[1]
-
-
 @pytest.mark.slow
 def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_path: Path) -> None:
     looks = 0
@@ -220,11 +211,11 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
         """Ask the hand for less than the muscles say, as a policy would."""
         nonlocal requested
         requested += 1
-        return original(guard, min(wanted, 2) if 100 < requested < 400 else wanted)
+        return original(guard, min(wanted, 1.5) if 20 < requested < 80 else wanted)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Guard, "level", careful)
-        path = record(tmp_path)
+        path = record(tmp_path, duration_s=0.4)
     found = {s.topic: s for s in inspect_file(path).streams}
     assert found["/hand/imposed"].messages >= 2
     assert replay_file(path).same
