@@ -151,8 +151,8 @@ def test_a_record_longer_than_any_ends_the_file(
     verb: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert mcap_reader.MOST_RECORD == 256 * MIB
-    monkeypatch.setattr("tega.recording.mcap_copy.MOST_RECORD", 1000)
-    monkeypatch.setattr("tega.recording.remake.MOST_RECORD", 1000)
+    for module in ("mcap_copy", "mcap_index", "mcap_reader"):
+        monkeypatch.setattr(f"tega.recording.{module}.MOST_RECORD", 1000)
     if verb == "recover":
         assert recover_file(lossless, tmp_path / "out.mcap").problem == "RecordLengthLimitExceeded"
         return

@@ -7,7 +7,7 @@ import shutil
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, BinaryIO
 
 from tega.config import RecordingSection
@@ -86,8 +86,12 @@ class McapRecorder:
             self._write(record, record.log_ns if t_ns is None else t_ns)
             self._keep_up()
 
-    def note(self, dropped: Mapping[str, int], waiting: tuple[int, int]) -> None:
-        """Note records that were dropped before they came here, by topic, and number and bytes of those that wait."""
+    def take(
+        self, records: Iterable[tuple[Record, int]], dropped: Mapping[str, int], waiting: tuple[int, int]
+    ) -> None:
+        """Write records with their arrivals; note which others were dropped, and how many, of how many bytes, wait."""
+        for record, t_ns in records:
+            self.put(record, t_ns=t_ns)
         with self._lock:
             self._dropped.update(dropped)
             self._waiting = waiting
@@ -106,7 +110,15 @@ class McapRecorder:
         with self._lock:
             if self.state == "recording":
                 self._close_file(summary)
-        facts = self.facts()
+        facts = {
+            "state": self.state,
+            "reason": self.reason,
+            "lossless": self._settings.lossless,
+            "duration_s": self._newest_ns / 1e9,
+            "bytes": self._file.n_bytes,
+            "written": dict(sorted(self._written.items())),
+            "dropped": dict(sorted(self._dropped.items())),
+        }
         name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
         try:
             self._folder.note(self.path.name, {**facts, "path": name})
@@ -123,18 +135,6 @@ class McapRecorder:
         """Take the file away; for a recording that has not begun."""
         self._file.close()
         self._part.unlink(missing_ok=True)
-
-    def facts(self) -> dict[str, Any]:
-        """Return state, sizes and counts."""
-        return {
-            "state": self.state,
-            "reason": self.reason,
-            "lossless": self._settings.lossless,
-            "duration_s": self._newest_ns / 1e9,
-            "bytes": self._file.n_bytes,
-            "written": dict(sorted(self._written.items())),
-            "dropped": dict(sorted(self._dropped.items())),
-        }
 
     def _sync(self) -> None:
         """Bring the file to the disk now and then; a slow disk must not hold up the thread that writes."""

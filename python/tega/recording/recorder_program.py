@@ -8,6 +8,7 @@ the records received are written, and the file stays unfinished for the next sta
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from io import BufferedReader
 from typing import Any
 
@@ -29,17 +30,6 @@ class _LogAnswers(logging.Handler):
         self._answers.say("log", record.levelno, record.name, record.getMessage())
 
 
-def _carry_out(recorder: McapRecorder, verb: str, content: tuple[Any, ...]) -> Any:
-    if verb == "records":
-        records, dropped, waiting = content
-        for record, t_ns in records:
-            recorder.put(record, t_ns=t_ns)
-        return recorder.note(dropped, waiting)
-    named = {"head": recorder.head, "begin": recorder.begin, "finish": recorder.finish}
-    called: Any = named.get(verb, recorder.abandon)
-    return called(*content)
-
-
 def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
     try:
         path, settings, allowed = receive_object(requested)
@@ -53,6 +43,13 @@ def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
             return
         answers.say("done", recorder.path)
         reported = (recorder.state, recorder.reason)
+        verbs: dict[str, Callable[..., Any]] = {
+            "head": recorder.head,
+            "begin": recorder.begin,
+            "records": recorder.take,
+            "finish": recorder.finish,
+            "abandon": recorder.abandon,
+        }
         verb = ""
         while verb not in {"finish", "abandon"}:
             try:
@@ -61,7 +58,7 @@ def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
                 recorder.leave()
                 return
             try:
-                answer = _carry_out(recorder, verb, tuple(content))
+                answer = verbs[verb](*content)
             except Exception as error:
                 if verb in _UNANSWERED:
                     answers.say("state", "stopped", f"{verb}: {type(error).__name__}: {error}")

@@ -28,7 +28,6 @@ from tega.recording.replay.measured import Measured, PictureError
 from tega.records import HandCommand
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
-from tega_emulators.process import Emulator
 
 
 def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> None:
@@ -163,23 +162,6 @@ def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
 
 
 @pytest.mark.slow
-def test_a_hand_that_closes_its_own_loop_is_held_the_same_conversation(tmp_path: Path) -> None:
-    with Emulator("allegro_port") as hand:
-        session = tree(tmp_path / "session")
-        session["session"] = {"pace": "real"}
-        session["hand"] = {
-            "driver": "allegro",
-            "options": {**hand.address, "silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0},
-        }
-        summary = run_session(check_tree(session, {}, base=tmp_path).config)
-    replay = replay_file(tmp_path / "session" / summary["recording"]["file"])
-    bus = stream(replay, "/hand/bus")
-    assert bus.recorded > 100
-    assert stream(replay, "/hand/frames").recorded > 50
-    assert replay.same
-
-
-@pytest.mark.slow
 def test_a_loop_that_was_late_and_muted_motors_are_replayed_as_they_were(tmp_path: Path) -> None:
     looks = 0
 
@@ -208,10 +190,10 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
     original = Guard.level
 
     def careful(guard: Guard, wanted: float) -> float:
-        """Ask the hand for less than the muscles say, as a policy would."""
+        """Ask the hand for more than the muscles say, as a policy would."""
         nonlocal requested
         requested += 1
-        return original(guard, min(wanted, 1.5) if 20 < requested < 80 else wanted)
+        return original(guard, max(wanted, 3.0) if 20 < requested < 80 else wanted)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Guard, "level", careful)
@@ -221,26 +203,13 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
     assert replay_file(path).same
 
 
-@pytest.mark.parametrize(
-    "flag",
-    [
-        *(
-            "--preset paper",
-            "--preset live",
-            "--tactile-rate-hz 60",
-            "--allow-truncated",
-            "--emg-rate-hz 1000",
-        ),
-        *(
-            "--emg-kind raw",
-            "--emg-channels 1,2",
-            "--emg-variable emg",
-            "--view-port 8090",
-            "--view",
-            "--out results",
-        ),
-    ],
+FLAGS = (
+    "--preset paper, --preset live, --tactile-rate-hz 60, --allow-truncated, --emg-rate-hz 1000, --emg-kind raw, "
+    "--emg-channels 1, --emg-variable emg, --view-port 8090, --view, --out results"
 )
+
+
+@pytest.mark.parametrize("flag", FLAGS.split(", "))
 def test_no_flag_of_loose_files_is_left_out_beside_a_session(
     flag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
