@@ -79,8 +79,11 @@ def rewritten(
         for attachment in NonSeekingReader(io.BytesIO(data)).iter_attachments():
             content = (files or {}).get(attachment.name, attachment.data)
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
-        for table in NonSeekingReader(io.BytesIO(data)).iter_metadata():
-            writer.add_metadata(table.name, {**table.metadata, **(tables or {}).get(table.name, {})})
+        tables, there = tables or {}, list(NonSeekingReader(io.BytesIO(data)).iter_metadata())
+        for table in there:
+            writer.add_metadata(table.name, {**table.metadata, **tables.get(table.name, {})})
+        for name in tables.keys() - {table.name for table in there}:
+            writer.add_metadata(name, dict(tables[name]))
         ids: dict[int, int] = {}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             assert schema is not None

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.command import call
 from reference.lerobot_data import FPS, info, rows
 from reference.sessions import rewritten
 from reference.sessions import tree as sessions_tree
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
 from tega.records import Contact
-from tega.ui.cli.main import main
 from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.video import Video
 from tega_scene.pictures import times_path
@@ -84,6 +84,15 @@ def _with_arm(folder: Path) -> Path:
     return folder / "arm" / str(summary["recording"]["file"])
 
 
+BEGUN_NS = 5_000_000_000
+STARTED = {"tega": {"start_ns": str(BEGUN_NS)}}
+
+
+@pytest.fixture(scope="module")
+def moved(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return rewritten(lossless, tmp_path_factory.mktemp("moved") / "trial-001.mcap", tables=STARTED)
+
+
 def filmed(video: Path, times_ns: list[int]) -> Path:
     """Write a scene camera's video, a grey that rises with each picture, and its time code."""
     made = Video(video, fps=30, height=48, width=64)
@@ -96,26 +105,22 @@ def filmed(video: Path, times_ns: list[int]) -> Path:
 
 
 def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    moved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    begun_ns = 5_000_000_000
-    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
     # A picture each 50 ms, from a little before the session's start on; none between 0.5 and 0.9 s.
     offsets_ms = [ms for ms in range(-90, 1700, 50) if not 500 < ms < 900]
-    times_ns = [begun_ns + ms * 1_000_000 for ms in offsets_ms]
+    times_ns = [BEGUN_NS + ms * 1_000_000 for ms in offsets_ms]
     video = filmed(tmp_path / "side.mp4", times_ns)
     out = tmp_path / "dataset"
-    words = ["--out", str(out), "--format", "lerobot", "--fps", str(FPS), "--scene", f"side={video}"]
-    with pytest.raises(SystemExit) as ended:
-        main(["recording", "export", str(moved), *words])
-    assert ended.value.code == 0, capsys.readouterr().err
+    words = ("--out", out, "--format", "lerobot", "--fps", FPS, "--scene", f"side={video}")
+    call(capsys, "recording", "export", moved, *words)
     assert info(out)["features"]["observation.images.side"]["shape"] == [48, 64, 3]
     start_ns = json.loads((out / "meta" / "tega.json").read_text())["episodes"][0]["start_ns"]
     with av.open(str(out / "videos/observation.images.side/chunk-000/file-000.mp4")) as opened:
         greys = [frame.to_ndarray(format="rgb24").mean() for frame in opened.decode(video=0)]
     assert len(greys) == info(out)["total_frames"]
     for k, grey in enumerate(greys):
-        at_ns = begun_ns + start_ns + k * 1_000_000_000 // FPS
+        at_ns = BEGUN_NS + start_ns + k * 1_000_000_000 // FPS
         newest = sum(t_ns <= at_ns for t_ns in times_ns) - 1
         assert grey == pytest.approx(40 + 4 * newest, abs=3), k
     stats = json.loads((out / "meta" / "stats.json").read_text())["observation.images.side"]
@@ -123,11 +128,9 @@ def test_a_scene_camera_is_laid_on_the_frames_by_the_machine_s_clock(
 
 
 @pytest.mark.slow
-def test_a_scene_camera_of_another_time_or_without_one_is_refused(lossless: Path, tmp_path: Path) -> None:
-    begun_ns = 5_000_000_000
-    moved = rewritten(lossless, tmp_path / "trial-001.mcap", tables={"tega": {"start_ns": str(begun_ns)}})
-    late = filmed(tmp_path / "late.mp4", [begun_ns + k * 50_000_000 for k in range(20, 40)])
-    short = filmed(tmp_path / "short.mp4", [begun_ns - 90_000_000 + k for k in range(3)])
+def test_a_scene_camera_of_another_time_or_without_one_is_refused(moved: Path, tmp_path: Path) -> None:
+    late = filmed(tmp_path / "late.mp4", [BEGUN_NS + k * 50_000_000 for k in range(20, 40)])
+    short = filmed(tmp_path / "short.mp4", [BEGUN_NS - 90_000_000 + k for k in range(3)])
     for number, video in enumerate((late, short)):
         with pytest.raises(RecordingError, match=r"does not cover trial-001\.mcap"):
             export_lerobot([moved], tmp_path / f"out{number}", fps=FPS, scenes={"side": video})
@@ -146,11 +149,8 @@ def test_the_public_package_opens_arm_force_and_scene_too(
 ) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
-    begun_ns = 5_000_000_000
-
-    tables = {"tega": {"start_ns": str(begun_ns)}}
-    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", tables=tables)
-    side = filmed(tmp_path / "side.mp4", [begun_ns + ms * 1_000_000 for ms in range(-90, 1700, 50)])
+    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", tables=STARTED)
+    side = filmed(tmp_path / "side.mp4", [BEGUN_NS + ms * 1_000_000 for ms in range(-90, 1700, 50)])
     dataset = export_lerobot(
         [recording], tmp_path / "dataset", fps=FPS, task="lift the bag", scenes={"side": side}
     )

@@ -18,7 +18,7 @@ from reference.command import call
 from reference.sessions import record
 from reference.written import boris_project as load_boris
 from tega.errors import DeviceUnavailableError, RecordingError, TegaError
-from tega.recording.annotations import AnnotationFile, AnnotationKeys, annotations_path, read_annotations
+from tega.recording.annotations import AnnotationFile, annotation_keys, annotations_path, read_annotations
 from tega.runtime.files.annotations import CodedEvent, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
@@ -296,7 +296,7 @@ class _At:
 
 def test_keys_code_events_at_the_moment_that_is_played(tmp_path: Path) -> None:
     recording, played = tmp_path / "a.mcap", _At()
-    with AnnotationKeys(recording, "r1", played) as press:
+    with annotation_keys(recording, "r1", played) as press:
         message = []
         for t_s, key in ((1, "s"), (2, "d"), (2.5, "x"), (3, "u"), (4, "d"), (5, "q"), (6, "d")):
             played.at_s = float(t_s)

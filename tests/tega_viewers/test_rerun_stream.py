@@ -59,7 +59,7 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
     text = printed(file)
     sent = set(re.findall(r"entity_path: (/[a-z/]+)", text))
     assert "/run/state" in sent
-    assert "skip" not in text
+    assert "/run/skipped" not in text
     lines = set(re.findall(r"[a-z]+ (?:CCI|EDA)", text))
     assert {f"{finger} {subject}" for finger in FINGERS for subject in ("CCI", "EDA")} <= lines
     topics = {name for name in there if re.fullmatch(r"/[a-z]+(/[a-z]+)+", name)}

@@ -19,7 +19,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from mcap.reader import make_reader
 from msgspec.structs import replace
 
-from reference.sessions import messages, read_recorded, reported
+from reference.sessions import messages, read_recorded, reported, rewritten
 from tega.config import StagesSection, check_tree
 from tega.config.choose import muscle_decoder
 from tega.devices.base import DeviceInfo
@@ -29,7 +29,6 @@ from tega.loop.controls import Controls
 from tega.loop.inbox.inputs import Finger, Muscles, Prepared
 from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of
 from tega.recording.inspection import inspect_file
-from tega.recording.mcap_copy import McapCopy, McapRecords
 from tega.recording.mcap_reader import McapReader
 from tega.recording.mcap_schemas import encoded, record_versions, schema_bytes
 from tega.recording.replay import replay_file
@@ -99,34 +98,20 @@ def test_a_recording_of_an_earlier_version_says_what_made_it(golden: Path) -> No
 def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(
     golden: Path, tmp_path: Path
 ) -> None:
-    later = _with_table(golden, tmp_path / "newer.mcap", "records", {"Contact": "99"})
+    later = rewritten(golden, tmp_path / "newer.mcap", tables={"records": {"Contact": "99"}})
     text = f"newer.mcap: its record Contact has version 99, this TEGA knows {Contact.version}"
     with pytest.raises(RecordingError, match=text):
         replay_file(later)
 
 
 def test_an_unknown_record_is_a_feature_s_unless_a_later_tega_made_it(golden: Path, tmp_path: Path) -> None:
-    unknown = _with_table(golden, tmp_path / "unknown.mcap", "records", {"Grip": "1"})
+    unknown = rewritten(golden, tmp_path / "unknown.mcap", tables={"records": {"Grip": "1"}})
     assert replay_file(unknown).same
-    later = _with_table(unknown, tmp_path / "later.mcap", "versions", {"tega": "99.0.0"})
+    later = rewritten(unknown, tmp_path / "later.mcap", tables={"versions": {"tega": "99.0.0"}})
     with pytest.raises(
         RecordingError, match=r"its record Grip has version 1, this TEGA knows none; .*99\.0\.0"
     ):
         replay_file(later)
-
-
-def _with_table(source: Path, target: Path, name: str, table: dict[str, str]) -> Path:
-    """Copy a recording and give it one more table of names and texts before its first message."""
-    with source.open("rb") as old, target.open("wb") as new:
-        copy = McapCopy(new)
-        begun = False
-        for item in McapRecords(old):
-            if item.kind == "Message" and not begun:
-                begun = True
-                copy.writer.add_metadata(name, table)
-            copy.take(item)
-        copy.finish()
-    return target
 
 
 def _old_messages(path: Path) -> dict[str, list[Any]]:

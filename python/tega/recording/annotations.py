@@ -7,7 +7,8 @@ names the undone one, and the end of a state one that names its beginning. BORIS
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Final, Protocol
 
@@ -158,37 +159,31 @@ class _Played(Protocol):
         ...
 
 
-class AnnotationKeys:
-    """Codes an event for each key, at the moment of the recording that ``played`` has then; from any thread.
+@contextmanager
+def annotation_keys(recording: Path, rater: str, played: _Played) -> Iterator[Callable[[str], str]]:
+    """Code an event for each key, at the moment of the recording that ``played`` has then.
 
-    Raises what :class:`~tega.recording.annotations.AnnotationFile` does.
+    Yields the function that takes a key from any thread, ``u`` to undo the last step, and returns the effect in words,
+    ``""`` for none. Raises what :class:`AnnotationFile` does.
     """
+    file, lock = AnnotationFile(recording, rater), threading.Lock()
 
-    def __init__(self, recording: Path, rater: str, played: _Played) -> None:
-        self._file = AnnotationFile(recording, rater)
-        self._played = played
-        self._lock = threading.Lock()
-
-    def __enter__(self) -> Callable[[str], str]:
-        """Return the function that takes a key and returns its effect in words."""
-        return self.press
-
-    def __exit__(self, *_error: object) -> None:
-        """Close the file."""
-        with self._lock:
-            self._file.close()
-
-    def press(self, key: str) -> str:
-        """Code the behaviour of a key, or undo the last step (``u``); return the effect in words, ``""`` for none."""
-        t_s = self._played.at_s
-        with self._lock:
+    def press(key: str) -> str:
+        t_s = played.at_s
+        with lock:
             try:
                 if key == "u":
-                    return self._file.undo()
+                    return file.undo()
                 code = KEYS.get(key)
-                return "" if code is None else self._file.press(code, t_s, is_state=code in STATES)
+                return "" if code is None else file.press(code, t_s, is_state=code in STATES)
             except (TegaError, OSError, ValueError) as error:  # a full disk; or the file is closed already
                 return f"not kept: {error}"
+
+    try:
+        yield press
+    finally:
+        with lock:
+            file.close()
 
 
 def import_annotations(recording: Path, path: Path, rater: str) -> int:

@@ -107,7 +107,7 @@ def play(
     from functools import partial
 
     from tega.loop.controls import Controls
-    from tega.recording.annotations import AnnotationKeys
+    from tega.recording.annotations import annotation_keys
     from tega.recording.mcap_folder import one_recording
     from tega.recording.replay.play import play_file, playing_to
     from tega.recording.replay.playhead import Playhead
@@ -127,7 +127,7 @@ def play(
     played = partial(play_file, file, speed=speed, because=because, playhead=playhead, others=others)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
-    annotating = nullcontext() if rater is None else AnnotationKeys(file, rater, playhead)
+    annotating = nullcontext() if rater is None else annotation_keys(file, rater, playhead)
     with (
         annotating as annotate,
         CtrlC() as stop,
