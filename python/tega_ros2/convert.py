@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterable, Mapping
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -14,6 +14,16 @@ from tega_ros2.definitions import SCALARS, VIDEO, Definitions
 
 _S: Final = 1_000_000_000
 _LOG_LEVELS: Final = (0, 10, 20, 30, 40, 50)
+_STANDARD: Final = {
+    "foxglove.RawImage": "sensor_msgs/msg/Image",
+    "foxglove.CompressedImage": "sensor_msgs/msg/CompressedImage",
+    "foxglove.CompressedVideo": VIDEO,
+    "foxglove.JointStates": "sensor_msgs/msg/JointState",
+    "foxglove.PoseInFrame": "geometry_msgs/msg/PoseStamped",
+    "foxglove.FrameTransform": "geometry_msgs/msg/TransformStamped",
+    "foxglove.Log": "rcl_interfaces/msg/Log",
+}
+"""Standard message for each of the viewers' schemas."""
 
 
 class Converted(NamedTuple):
@@ -35,21 +45,12 @@ class Converter:
         self._source, self.epoch_ns = source, epoch_ns
         self.definitions = Definitions(source)
         self._types: dict[str, Any] = self.definitions.store.types
-        self._standard: dict[str, Callable[[Message], tuple[str, Any]]] = {
-            "foxglove.RawImage": self._raw_image,
-            "foxglove.CompressedImage": self._compressed_image,
-            "foxglove.CompressedVideo": self._video,
-            "foxglove.JointStates": self._joints,
-            "foxglove.PoseInFrame": self._pose,
-            "foxglove.FrameTransform": self._axes,
-            "foxglove.Log": self._log,
-        }
 
     def convert(self, message: Message) -> list[Converted]:
         """Return the ROS 2 messages of a message: itself, then those that standard tools show beside it."""
-        standard = self._standard.get(message.schema)
+        standard = _STANDARD.get(message.schema)
         if standard is not None:
-            return [Converted(message.topic, *standard(message))]
+            return [Converted(message.topic, standard, self._made(standard, self._fields(message)))]
         if not message.schema.startswith("tega.") or message.value is None:
             raise RecordingError(
                 f"{self._source}: {message.topic}: {message.schema!r} has no form in ROS 2",
@@ -68,40 +69,28 @@ class Converter:
 
     def _beside(self, message: Message, header: Any) -> list[Converted]:
         """Return the standard messages of the numbers that plots and other programs use."""
-        value, topic = message.value, message.topic
+        value, topic, fields = message.value, message.topic, dict[str, Any]()
         match message.schema:
             case "tega.Contact" if value.HasField("force_n"):
                 # The axis z of the frame points into the finger, so that a press is positive.
-                force = self._new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=value.force_n)
-                none = self._new("geometry_msgs/msg/Vector3", x=0.0, y=0.0, z=0.0)
-                wrench = self._new("geometry_msgs/msg/Wrench", force=force, torque=none)
-                pad = self._new("std_msgs/msg/Header", stamp=header.stamp, frame_id=f"{_finger(topic)}_pad")
-                kind = "geometry_msgs/msg/WrenchStamped"
-                place = topic.removesuffix("contact") + "wrench"
-                return [Converted(place, kind, self._new(kind, header=pad, wrench=wrench))]
+                force, none = {"x": 0.0, "y": 0.0, "z": value.force_n}, dict.fromkeys("xyz", 0.0)
+                pad = {"stamp": header.stamp, "frame_id": f"{_finger(topic)}_pad"}
+                place, kind = topic.removesuffix("contact") + "wrench", "geometry_msgs/msg/WrenchStamped"
+                fields = {"header": pad, "wrench": {"force": force, "torque": none}}
             case "tega.Levels" if topic == "/emg/levels" and value.HasField("closure"):
-                kind = "std_msgs/msg/Float64"
-                return [Converted("/emg/closure", kind, self._new(kind, data=value.closure))]
+                place, kind, fields = "/emg/closure", "std_msgs/msg/Float64", {"data": value.closure}
             case "tega.EmgSamples" if value.n_channels > 0:
-                kind = "std_msgs/msg/Float64MultiArray"
-                return [Converted(f"{topic}/array", kind, self._samples(kind, value))]
+                place, kind = f"{topic}/array", "std_msgs/msg/Float64MultiArray"
+                n, n_channels = len(value.samples) // value.n_channels, value.n_channels
+                sizes = (("sample", n, n * n_channels), ("channel", n_channels, n_channels))
+                dims = [self._types["std_msgs/msg/MultiArrayDimension"](*size) for size in sizes]
+                data = np.array(value.samples[: n * n_channels], np.float64)
+                fields = {"layout": {"dim": dims, "data_offset": 0}, "data": data}
             case "tega.State":
-                kind = "std_msgs/msg/String"
-                return [Converted(f"{topic}/text", kind, self._new(kind, data=value.state))]
+                place, kind, fields = f"{topic}/text", "std_msgs/msg/String", {"data": value.state}
             case _:
                 return []
-
-    def _samples(self, kind: str, value: Any) -> Any:
-        n = len(value.samples) // value.n_channels
-        sizes = (("sample", n, n * value.n_channels), ("channel", value.n_channels, value.n_channels))
-        dims = [
-            self._new("std_msgs/msg/MultiArrayDimension", label=label, size=size, stride=stride)
-            for label, size, stride in sizes
-        ]
-        layout = self._new("std_msgs/msg/MultiArrayLayout", dim=dims, data_offset=0)
-        return self._new(
-            kind, layout=layout, data=np.array(value.samples[: n * value.n_channels], np.float64)
-        )
+        return [Converted(place, kind, self._made(kind, fields))]
 
     def _own(self, value: Any, kind: str, /, **header: Any) -> Any:
         fields: dict[str, Any] = {}
@@ -123,12 +112,16 @@ class Converter:
                 fields[f"has_{field.name}"] = there
                 if not there and isinstance(content, float):
                     fields[field.name] = math.nan
-        return self._new(kind, **header, **fields)
+        return self._types[kind](**header, **fields)
 
-    # Standard messages.
-
-    def _new(self, kind: str, /, **fields: Any) -> Any:
-        return self._types[kind](**fields)
+    def _made(self, kind: str, fields: Mapping[str, Any]) -> Any:
+        """Return a message of its fields; a field that is a message is a dictionary of its own fields."""
+        kinds = dict(self.definitions.store.fielddefs[kind][1])
+        made = {
+            name: self._made(kinds[name][1], one) if isinstance(one, dict) else one
+            for name, one in fields.items()
+        }
+        return self._types[kind](**made)
 
     def _time(self, t_ns: int) -> Any:
         seconds, rest_ns = divmod(t_ns, _S)
@@ -137,89 +130,46 @@ class Converter:
                 f"{self._source}: a time of {seconds} s since 1970; ROS 2 has 0 to {2**31 - 1} s",
                 "inspect the recording: one of its times is wrong",
             )
-        return self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest_ns)
+        return self._types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest_ns)
 
     def _header(self, t_ns: int, frame: str) -> Any:
-        return self._new("std_msgs/msg/Header", stamp=self._time(t_ns), frame_id=frame)
+        return self._types["std_msgs/msg/Header"](stamp=self._time(t_ns), frame_id=frame)
 
-    def _stamped(self, value: Any, frame: str) -> Any:
-        return self._header(value.timestamp.seconds * _S + value.timestamp.nanos, frame)
-
-    def _raw_image(self, message: Message) -> tuple[str, Any]:
-        value, kind = message.value, "sensor_msgs/msg/Image"
-        made = self._new(
-            kind,
-            header=self._stamped(value, value.frame_id),
-            height=value.height,
-            width=value.width,
-            encoding=value.encoding,
-            is_bigendian=0,
-            step=value.step,
-            data=np.frombuffer(value.data, np.uint8),
-        )
-        return kind, made
-
-    def _compressed_image(self, message: Message) -> tuple[str, Any]:
-        value, kind = message.value, "sensor_msgs/msg/CompressedImage"
-        header, data = self._stamped(value, value.frame_id), np.frombuffer(value.data, np.uint8)
-        return kind, self._new(kind, header=header, format=value.format, data=data)
-
-    def _video(self, message: Message) -> tuple[str, Any]:
+    def _fields(self, message: Message) -> dict[str, Any]:
+        """Return the fields of the standard message for one of a viewer's schema."""
         value = message.value
         stamp = self._time(value.timestamp.seconds * _S + value.timestamp.nanos)
-        data = np.frombuffer(value.data, np.uint8)
-        made = self._new(VIDEO, timestamp=stamp, frame_id=value.frame_id, data=data, format=value.format)
-        return VIDEO, made
+        frame = getattr(value, "frame_id", "") or getattr(value, "parent_frame_id", "")
+        fields: dict[str, Any] = {"header": {"stamp": stamp, "frame_id": frame}}
+        match message.schema:
+            case "foxglove.RawImage":
+                fields |= _named(value, ("height", "width", "encoding", "step"))
+                fields |= {"is_bigendian": 0, "data": np.frombuffer(value.data, np.uint8)}
+            case "foxglove.CompressedImage":
+                fields |= {"format": value.format, "data": np.frombuffer(value.data, np.uint8)}
+            case "foxglove.CompressedVideo":
+                fields = {"timestamp": stamp, "frame_id": frame, "format": value.format}
+                fields["data"] = np.frombuffer(value.data, np.uint8)
+            case "foxglove.JointStates":
+                fields["name"] = [joint.name for joint in value.joints]
+                fields["position"] = np.array([joint.position for joint in value.joints], np.float64)
+                fields |= {"velocity": np.empty(0), "effort": np.empty(0)}
+            case "foxglove.PoseInFrame":
+                place, turn = _named(value.pose.position, "xyz"), _named(value.pose.orientation, "xyzw")
+                fields["pose"] = {"position": place, "orientation": turn}
+            case "foxglove.FrameTransform":
+                place, turn = _named(value.translation, "xyz"), _named(value.rotation, "xyzw")
+                fields["child_frame_id"] = value.child_frame_id
+                fields["transform"] = {"translation": place, "rotation": turn}
+            case _:
+                level = _LOG_LEVELS[value.level] if 0 <= value.level < len(_LOG_LEVELS) else 0
+                fields = {"stamp": stamp, "level": level, "msg": value.message, "function": ""}
+                fields |= _named(value, ("name", "file", "line"))
+        return fields
 
-    def _joints(self, message: Message) -> tuple[str, Any]:
-        value, kind, none = message.value, "sensor_msgs/msg/JointState", np.empty(0)
-        made = self._new(
-            kind,
-            header=self._stamped(value, ""),
-            name=[joint.name for joint in value.joints],
-            position=np.array([joint.position for joint in value.joints], np.float64),
-            velocity=none,
-            effort=none,
-        )
-        return kind, made
 
-    def _pose(self, message: Message) -> tuple[str, Any]:
-        value, kind = message.value, "geometry_msgs/msg/PoseStamped"
-        place, turn = value.pose.position, value.pose.orientation
-        pose = self._new(
-            "geometry_msgs/msg/Pose",
-            position=self._new("geometry_msgs/msg/Point", x=place.x, y=place.y, z=place.z),
-            orientation=self._turn(turn),
-        )
-        return kind, self._new(kind, header=self._stamped(value, value.frame_id), pose=pose)
-
-    def _turn(self, turn: Any) -> Any:
-        return self._new("geometry_msgs/msg/Quaternion", x=turn.x, y=turn.y, z=turn.z, w=turn.w)
-
-    def _axes(self, message: Message) -> tuple[str, Any]:
-        value, kind = message.value, "geometry_msgs/msg/TransformStamped"
-        place = value.translation
-        transform = self._new(
-            "geometry_msgs/msg/Transform",
-            translation=self._new("geometry_msgs/msg/Vector3", x=place.x, y=place.y, z=place.z),
-            rotation=self._turn(value.rotation),
-        )
-        header, child = self._stamped(value, value.parent_frame_id), value.child_frame_id
-        return kind, self._new(kind, header=header, child_frame_id=child, transform=transform)
-
-    def _log(self, message: Message) -> tuple[str, Any]:
-        value, kind = message.value, "rcl_interfaces/msg/Log"
-        made = self._new(
-            kind,
-            stamp=self._time(value.timestamp.seconds * _S + value.timestamp.nanos),
-            level=_LOG_LEVELS[value.level] if 0 <= value.level < len(_LOG_LEVELS) else 0,
-            name=value.name,
-            msg=value.message,
-            file=value.file,
-            function="",
-            line=value.line,
-        )
-        return kind, made
+def _named(value: Any, names: Iterable[str]) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names}
 
 
 def _finger(topic: str) -> str:

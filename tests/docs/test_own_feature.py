@@ -63,8 +63,8 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     words = ("recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap")
     tega(installed, tmp_path, *words)
     assert "/grip" in tega(installed, tmp_path, "recording", "inspect", "part.mcap")
-    words = ("recording", "export", str(file), "--out", "grips", "--format", "grips", "--firm-only")
-    tega(installed, tmp_path, *words)
+    export = ("recording", "export", str(file), "--format", "grips", "--out", "grips", "--firm-only")
+    tega(installed, tmp_path, *export)
     rows = (tmp_path / "grips" / f"{file.stem}-grips.csv").read_text().splitlines()
     assert rows[0] == "t_s,fingers"
     assert {row.split(",")[1] for row in rows[1:]} == {"2"}

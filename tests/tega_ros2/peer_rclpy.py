@@ -11,7 +11,7 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, WrenchStamped
-from peer_lines import asked, fields_of, say
+from peer_lines import asked, fields_of, say  # type: ignore[import-not-found]  # in this folder
 from rclpy.duration import Duration
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import CompressedImage, JointState

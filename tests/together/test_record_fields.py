@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -62,10 +63,11 @@ def test_a_record_has_the_field_numbers_that_its_files_have() -> None:
         )
 
 
-def made(version_: int, annotations: dict[str, type], **defaults: float) -> Any:
+def made(version_: int, annotations: Mapping[str, type], **defaults: float) -> Any:
     """Return a record type of a version with these fields."""
     members = {"__annotations__": {"version": ClassVar[int], "t_ns": int, **annotations}, "version": version_}
-    return type(Record)("Made", (Record,), members | defaults, frozen=True, kw_only=True)
+    struct: Any = type(Record)
+    return struct("Made", (Record,), members | defaults, frozen=True, kw_only=True)
 
 
 BEFORE = made(1, {"force_n": float}, force_n=0.0)

@@ -44,7 +44,7 @@ class _Part(NamedTuple):
         head = self.tables["tega"]
         sources = ", ".join(sorted(self.tables.get("sources", {})))
         known = {"format": head.get("version", ""), "vest": head.get("layout", ""), "inputs": sources}
-        return known | self.tables.get("versions", {})
+        return {**known, **self.tables.get("versions", {})}
 
 
 @reports_damage
