@@ -12,9 +12,9 @@ import numpy as np
 from tega.hand import JOINT_NAMES
 from tega.recording.mcap_schemas import PACKAGE, encoded, message_class, record_messages, schema_bytes
 from tega.recording.pictures import cell_sums
-from tega.records import Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
+from tega.records import Joints, LogLine, Picture, PoseRecord, Record
 from tega.records.base import VideoPacket
-from tega.records.schema import schema_name
+from tega.records.schema import own_schema, schema_name
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import give_way
 
@@ -66,21 +66,12 @@ class RecordChannels:
         if not self._received(record):
             return
         log_ns = self.epoch_ns + t_ns
-        match record:
-            case Picture():
-                self._picture(record, log_ns)
-            case VideoPacket():
-                self._video(record, log_ns)
-            case Joints():
-                self._joints(record, log_ns)
-            case LogLine():
-                self._log(record, log_ns)
-            case PoseRecord():
-                self._pose(record, log_ns)
-            case TrackerAxes():
-                self._axes(record, log_ns)
-            case _:
-                self._message(record.where, record, log_ns)
+        if isinstance(record, Picture):
+            self._picture(record, log_ns)
+        elif own_schema(type(record)):
+            self._message(record.where, record, log_ns)
+        else:
+            self._log(record.where, self._for_viewers(record), log_ns)
 
     def _received(self, record: Record) -> bool:
         topics = [record.where]
@@ -95,6 +86,11 @@ class RecordChannels:
             channel = self._channels[topic] = self._open(topic, make, **how)
         return channel
 
+    def _log(self, topic: str, message: Any, log_ns: int) -> None:
+        """Log a message of the SDK, whose channel is named as the message is."""
+        make = getattr(self._channels_of, f"{type(message).__name__}Channel")
+        self._channel(topic, make).log(message, log_time=log_ns)
+
     def _message(self, topic: str, record: Record, log_ns: int) -> None:
         schema = None
         if topic not in self._channels:
@@ -108,77 +104,52 @@ class RecordChannels:
 
     def _picture(self, record: Picture, log_ns: int) -> None:
         """Write a picture, then its number and exact times beside it."""
-        image, topic = record.image, record.where
+        image, finger = record.image, record.finger
         height, width = image.shape[:2]
         stamp = self._stamp(record.t_ns)
         pixels, cells = image.tobytes(), b""
         if self._lossless:
-            channel = self._channel(topic, self._channels_of.RawImageChannel)
+            size = {"width": width, "height": height, "step": 3 * width}
             message = self._messages.RawImage(
-                timestamp=stamp,
-                frame_id=record.finger,
-                width=width,
-                height=height,
-                encoding="bgr8",
-                step=3 * width,
-                data=pixels,
+                timestamp=stamp, frame_id=finger, encoding="bgr8", data=pixels, **size
             )
         else:
-            channel = self._channel(topic, self._channels_of.CompressedImageChannel)
             whole = np.frombuffer(pixels, np.uint8).reshape(image.shape)
             with give_way():
                 _, data = self._cv2.imencode(".jpg", whole, self._quality)
                 cells = cell_sums(whole, self._cv2) if self._cells else b""
             message = self._messages.CompressedImage(
-                timestamp=stamp, frame_id=record.finger, data=data.tobytes(), format="jpeg"
+                timestamp=stamp, frame_id=finger, data=data.tobytes(), format="jpeg"
             )
-        channel.log(message, log_time=log_ns)
+        self._log(record.where, message, log_ns)
         summed = msgspec.structs.replace(record, pixels_crc32=zlib.crc32(pixels), cells=cells)
         self._message(_frame_topic(record), summed, log_ns)
 
-    def _video(self, record: VideoPacket, log_ns: int) -> None:
-        message = self._messages.CompressedVideo(
-            timestamp=self._stamp(record.t_ns), frame_id=record.camera, data=record.data, format=record.video
-        )
-        self._channel(record.where, self._channels_of.CompressedVideoChannel).log(message, log_time=log_ns)
-
-    def _joints(self, record: Joints, log_ns: int) -> None:
-        make = self._messages.JointState
-        states = [make(name=name, position=a) for name, a in zip(JOINT_NAMES, record.angles_rad, strict=True)]
-        channel = self._channel(record.where, self._channels_of.JointStatesChannel)
-        channel.log(
-            self._messages.JointStates(timestamp=self._stamp(record.t_ns), joints=states), log_time=log_ns
-        )
-
-    def _log(self, record: LogLine, log_ns: int) -> None:
-        channel = self._channel(record.where, self._channels_of.LogChannel)
-        level = getattr(self._messages.LogLevel, _LOG_LEVELS.get(record.level // 10 * 10, "Unknown"))
-        message = self._messages.Log(
-            timestamp=self._stamp(record.t_ns), level=level, message=record.text, name=record.name
-        )
-        channel.log(message, log_time=log_ns)
-
-    def _pose(self, record: PoseRecord, log_ns: int) -> None:
-        message = self._messages.PoseInFrame(
-            timestamp=self._stamp(record.t_ns),
-            frame_id=record.frame,
-            pose=self._messages.Pose(
-                position=self._messages.Vector3(**dict(zip("xyz", record.position, strict=True))),
-                orientation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
-            ),
-        )
-        self._channel(record.where, self._channels_of.PoseInFrameChannel).log(message, log_time=log_ns)
-
-    def _axes(self, record: TrackerAxes, log_ns: int) -> None:
-        """Write how the axes of one frame lie in another."""
-        message = self._messages.FrameTransform(
-            timestamp=self._stamp(record.t_ns),
-            parent_frame_id=record.parent,
-            child_frame_id=record.child,
-            translation=self._messages.Vector3(x=0.0, y=0.0, z=0.0),
-            rotation=self._messages.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True))),
-        )
-        self._channel(record.where, self._channels_of.FrameTransformChannel).log(message, log_time=log_ns)
+    def _for_viewers(self, record: Any) -> Any:
+        """Return the SDK's message of a record that has a schema of viewers."""
+        sdk, stamp = self._messages, {"timestamp": self._stamp(record.t_ns)}
+        match record:
+            case VideoPacket():
+                return sdk.CompressedVideo(
+                    frame_id=record.camera, data=record.data, format=record.video, **stamp
+                )
+            case Joints():
+                named = zip(JOINT_NAMES, record.angles_rad, strict=True)
+                joints = [sdk.JointState(name=name, position=angle) for name, angle in named]
+                return sdk.JointStates(joints=joints, **stamp)
+            case LogLine():
+                level = getattr(sdk.LogLevel, _LOG_LEVELS.get(record.level // 10 * 10, "Unknown"))
+                return sdk.Log(level=level, message=record.text, name=record.name, **stamp)
+            case PoseRecord():
+                place = sdk.Vector3(**dict(zip("xyz", record.position, strict=True)))
+                turn = sdk.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True)))
+                pose = sdk.Pose(position=place, orientation=turn)
+                return sdk.PoseInFrame(frame_id=record.frame, pose=pose, **stamp)
+            case _:  # how the axes of one frame lie in another
+                turn = sdk.Quaternion(**dict(zip("xyzw", record.quaternion, strict=True)))
+                axes = {"translation": sdk.Vector3(x=0.0, y=0.0, z=0.0), "rotation": turn}
+                frames = {"parent_frame_id": record.parent, "child_frame_id": record.child}
+                return sdk.FrameTransform(**frames, **axes, **stamp)
 
 
 def _frame_topic(picture: Picture) -> str:

@@ -97,7 +97,7 @@ def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
 def test_every_record_is_read_out_of_its_file_as_the_bus_delivered_it(published: tuple[Record, ...]) -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = recorded(Path(folder), published)
-        found = read_recorded(path, *record_types())
+        found: Any = read_recorded(path, *record_types())
         for one in published:
             wanted, there = _for_viewers(one.current()), found.of(type(one))
             if isinstance(one, Picture):
