@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from functools import cache
 from operator import attrgetter
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -19,19 +20,18 @@ from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader, Message, Progress, read_picture
 from tega.recording.origin import span
 from tega.recording.pictures import PICTURES, compute_ahead
-from tega.records import Contact, HandCommand, Marker
+from tega.recording.record_columns import find_kind, record_of
+from tega.records import Marker
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega_lerobot.streams import (
-    ARM_MEASURED,
     ARM_TARGET,
+    OBSERVED,
     Chunks,
     Column,
     Samples,
     Stream,
-    closure_numbers,
     columns_of,
-    touch_numbers,
 )
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import export_camera, filmed_cameras
@@ -184,31 +184,18 @@ def _finger(message: Message, ending: str) -> str:
     return topic.split("/")[2] if topic.startswith("/tactile/") and topic.endswith(ending) else ""
 
 
+_kind_of = cache(find_kind)
+
+
 def _keep(stream: Stream, message: Message, t_ns: int) -> None:
-    value, topic = message.value, message.topic
-    match message.schema:
-        case "tega.Contact":
-            contact = read(Contact, value, finger="")
-            stream.add(t_ns, touch_numbers(contact))
-        case "tega.EmgSamples":
-            assert isinstance(stream, Chunks)
-            stream.add_samples(t_ns, value.samples, value.n_channels)
-        case "tega.Levels":
-            stream.add(t_ns, (*value.channels, value.fused))
-        case "tega.VestFrame" if topic == "/vest/frame":
-            stream.add(t_ns, tuple(value.intensities))
-        case "foxglove.CompressedVideo":
-            stream.add(t_ns, None)  # decoded when it is laid on the frames
-        case "tega.CanFrames":
-            command = read(HandCommand, value)
-            stream.add(t_ns, closure_numbers(command.level, command.closure))
-        case "foxglove.JointStates":
-            stream.add(t_ns, tuple(joint.position for joint in value.joints))
-        case "foxglove.PoseInFrame" if topic in {ARM_MEASURED, ARM_TARGET}:
-            place, turn = value.pose.position, value.pose.orientation
-            stream.add(t_ns, (place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w))
-        case _:
-            pass
+    value = message.value
+    if isinstance(stream, Chunks):
+        stream.add_samples(t_ns, value.samples, value.n_channels)
+    elif message.schema == "foxglove.CompressedVideo":
+        stream.add(t_ns, None)  # decoded when it is laid on the frames
+    elif (found := _kind_of(message.topic, message.schema)) is not None and found[0] in OBSERVED:
+        kind, named = found
+        stream.add(t_ns, OBSERVED[kind](record_of(kind, message, named, 0)))
 
 
 def check_scene(video: Path) -> tuple[int, int]:

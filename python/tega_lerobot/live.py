@@ -16,7 +16,7 @@ from tega.errors import ConfigError, DeviceUnavailableError
 from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
 from tega.loop.program import ProgramSession
-from tega.records import ArmMeasured, ArmTarget, Contact, Intent, Joints, Picture, Record, VestFrame
+from tega.records import HandCommand, Intent, Picture, Record
 from tega.records.arm import PoseNumbers
 from tega.runtime.opencv import load_cv2
 from tega_lerobot.streams import (
@@ -24,17 +24,16 @@ from tega_lerobot.streams import (
     ARM_MEASURED,
     ARM_TARGET,
     CLOSURE,
+    OBSERVED,
     Column,
     Stream,
     closure_numbers,
     columns_of,
-    touch_numbers,
 )
 
-OBSERVED: Final = ("state", "touch", "touch_si", "emg_levels", "vest", "arm")
+FEATURES: Final = ("state", "touch", "touch_si", "emg_levels", "vest", "arm")
 """Features that an observation has where the settings name their devices; ``image_age`` besides, on request."""
 
-_KINDS: Final = (ArmMeasured, ArmTarget, Contact, Intent, Joints, VestFrame)
 # A picture or an intent of before that is the past: the device is lost, and LeRobot has to end.
 _STALE_S: Final = 1.0
 
@@ -84,25 +83,14 @@ class Live:
         self._newest: dict[str, _Item] = {}
         self._intent: _Item | None = None
         self._cv2 = load_cv2("lerobot")
-        for kind in _KINDS:
+        for kind in OBSERVED.keys() - {HandCommand}:
             session.bus.subscribe(kind, self._take, name="lerobot")
         session.bus.subscribe(Picture, self._take_picture, name="lerobot")
 
     def _take(self, record: Record) -> None:
-        match record:
-            case Contact():
-                value = tuple(np.nan_to_num(touch_numbers(record)).tolist())
-            case Intent():
-                self._intent = _Item(record.log_ns, record, time.monotonic())
-                value = (*record.channels, record.level)
-            case VestFrame():
-                value = record.intensities
-            case Joints():
-                value = record.angles_rad
-            case ArmMeasured() | ArmTarget():
-                value = (*record.position, *record.quaternion)
-            case _:
-                return
+        value = np.nan_to_num(OBSERVED[type(record)](record)).tolist()  # one that is not known is 0
+        if isinstance(record, Intent):
+            self._intent = _Item(record.log_ns, record, time.monotonic())
         self._newest[record.where] = _Item(record.log_ns, value, time.monotonic())
 
     def _take_picture(self, picture: Picture) -> None:

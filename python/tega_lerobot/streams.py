@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from array import array
-from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Sequence
+from operator import attrgetter
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tega import records
 from tega.hand import JOINT_NAMES, joined_level
-from tega.records import Contact
 from tega.records.arm import PoseNumbers
 from tega.records.schema import fields
 
@@ -25,7 +26,7 @@ ARM_ACTION = tuple(f"arm_target.{name}" for name in PoseNumbers.table)
 
 _S = 1_000_000_000
 # What a contact has in units of physics, where its metric gives them.
-_MEASURED = tuple(field.name for field in fields(Contact) if field.optional and field.unit != "1")
+_MEASURED = tuple(field.name for field in fields(records.Contact) if field.optional and field.unit != "1")
 
 
 class Column(NamedTuple):
@@ -127,10 +128,26 @@ def closure_numbers(level: int, closure: float | None) -> tuple[float, float]:
     return level, max(0.0, (joined_level(level, closure) - 1.0) / 4.0)
 
 
-def touch_numbers(contact: Contact) -> tuple[float, ...]:
+def _touch(contact: records.Contact) -> tuple[float, ...]:
     """Return the numbers of a contact that are observed; NaN for those that its metric does not give."""
     known = (getattr(contact, name) for name in _MEASURED)
     return (contact.eda, contact.cci, contact.in_contact, *(np.nan if one is None else one for one in known))
+
+
+def _pose(pose: records.PoseRecord) -> tuple[float, ...]:
+    return (*pose.position, *pose.quaternion)
+
+
+OBSERVED: Final[dict[type[records.Record], Callable[[Any], Sequence[float]]]] = {
+    records.ArmMeasured: _pose,
+    records.ArmTarget: _pose,
+    records.Contact: _touch,
+    records.HandCommand: lambda one: closure_numbers(one.level, one.closure),
+    records.Intent: lambda one: (*one.channels, one.level),
+    records.Joints: attrgetter("angles_rad"),
+    records.VestFrame: attrgetter("intensities"),
+}
+"""Numbers of each type of record that is observed."""
 
 
 def columns_of(

@@ -11,7 +11,7 @@ from lerobot.robots import Robot, RobotConfig
 
 from tega.errors import ConfigError
 from tega.hand import split_level
-from tega_lerobot.live import OBSERVED, emg_channel_count, feature_names
+from tega_lerobot.live import FEATURES, emg_channel_count, feature_names
 from tega_lerobot.plugin.seat import Seated
 from tega_lerobot.streams import ARM_ACTION, CLOSURE, closure_numbers
 
@@ -37,7 +37,7 @@ class TegaRobotConfig(RobotConfig):
     settings: Path
     sets: list[str] = field(default_factory=list)
     person: str | None = None
-    observe: list[str] = field(default_factory=lambda: list(OBSERVED))
+    observe: list[str] = field(default_factory=lambda: list(FEATURES))
     emg_channels: int | None = None
     height: int = 320
     width: int = 240
@@ -61,7 +61,7 @@ class TegaRobot(Seated, Robot):
         self.config = config
         n_channels = emg_channel_count(settings) if config.emg_channels is None else config.emg_channels
         known = feature_names(settings, emg_channels=n_channels)
-        allowed = {*OBSERVED, "image_age"}
+        allowed = {*FEATURES, "image_age"}
         if unknown := [name for name in config.observe if name not in allowed]:
             raise ConfigError(
                 f"observe: no feature {unknown[0]!r}", f"choose from {', '.join(sorted(allowed))}"
