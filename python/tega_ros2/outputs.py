@@ -117,24 +117,23 @@ class Ros2Stream:
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
-        self._node: DdsNode | None = None
-        self._converter: Converter | None = None
-        self._channels: RecordChannels | None = None
+        self._node: DdsNode
+        self._converter: Converter
+        self._channels: RecordChannels
         self._writers: dict[str, Any] = {}
         self._backlog = Backlog("ros2", most=_MOST, newest=True, rank=run_realtime("beside"))
         self.url, self.n_dropped = "", 0
 
     def __enter__(self) -> Self:
         """Join the domain and subscribe to the run; errors are those of :class:`tega_ros2.dds.DdsNode`."""
-        converter = Converter("ros2", 0)
-        definitions = converter.definitions
+        self._converter = Converter("ros2", 0)
+        definitions = self._converter.definitions
         definitions.set_units(unit_table())
-        node = DdsNode(definitions)
+        node = self._node = DdsNode(definitions)
         self._channels = RecordChannels(lossless=False, jpeg_quality=_JPEG_QUALITY, open_channel=self._open)
         kinds = [kind for kind in record_types() if kind.topic and kind is not HandExchange]
         for kind in filter(own_schema, kinds):  # now, so that no type is built while the loop runs
             node.prepare(definitions.own(message_class(schema_name(kind)).DESCRIPTOR))
-        self._node, self._converter = node, converter
         self.url = f"domain {node.domain_id}" + (", this machine" if loopback_only() else "")
         for kind in kinds:
             self._bus.subscribe(kind, self._take, name="ros2", backlog=self._backlog)
@@ -144,22 +143,17 @@ class Ros2Stream:
         """Leave the domain."""
         self._backlog.close()
         self.url = ""
-        self._writers.clear()
-        self._channels = None
-        node, self._node = self._node, None
-        if node is not None:
-            node.close()
+        self._node.close()
+        self._writers.clear()  # they end once nothing refers to them, as their participant does
+        del self._node, self._channels
         self.n_dropped += self._backlog.n_dropped
         if self.n_dropped:
             _LOG.warning("ros2: %d messages dropped: a subscriber did not keep up", self.n_dropped)
 
     def _take(self, record: Record) -> None:
-        channels, converter = self._channels, self._converter
-        if self._node is None or channels is None or converter is None:
-            return
-        if converter.epoch_ns == 0:
-            converter.epoch_ns = channels.epoch_ns = time.time_ns() - record.log_ns
-        channels.write(record, record.log_ns)
+        if self._converter.epoch_ns == 0:
+            self._converter.epoch_ns = self._channels.epoch_ns = time.time_ns() - record.log_ns
+        self._channels.write(record, record.log_ns)
 
     def _open(self, topic: str, _make: Any, *, schema: Any = None, **_how: Any) -> _Channel:
         """Return the channel of a topic, whatever the SDK would have made."""
@@ -167,19 +161,15 @@ class Ros2Stream:
 
     def publish(self, message: Message) -> list[Any]:
         """Convert and write a message; return the writers of everything that was made of it."""
-        assert self._converter is not None
         return [self._write(made) for made in self._converter.convert(message)]
 
     def _write(self, made: Converted) -> Any:
-        node, converter = self._node, self._converter
-        assert node is not None
-        assert converter is not None
         writer = self._writers.get(made.topic)
         if writer is None:
             sensor = made.kind in _SENSOR_KINDS
-            writer = self._writers[made.topic] = node.writer(made.topic, made.kind, sensor=sensor)
-        cdr = converter.definitions.store.serialize_cdr(made.value, made.kind)
-        self.n_dropped += not node.write(writer, bytes(cdr))
+            writer = self._writers[made.topic] = self._node.writer(made.topic, made.kind, sensor=sensor)
+        cdr = self._converter.definitions.store.serialize_cdr(made.value, made.kind)
+        self.n_dropped += not self._node.write(writer, bytes(cdr))
         return writer
 
 
