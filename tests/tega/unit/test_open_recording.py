@@ -158,8 +158,8 @@ def test_files_of_a_session_are_read_as_one(tmp_path: Path) -> None:
     assert table["force_n"].tolist() == [*first["force_n"], *second["force_n"]]
     assert table["t_s"][len(first) :] == pytest.approx(second["t_s"] + apart_s, abs=1e-5)
     assert sum(both[apart_s - 1e-3 :][CONTACT].to_numpy()["file"]) == len(second)
-    first, second = (one["/tactile/thumb/image"] for one in alone)
-    assert np.array_equal(both["/tactile/thumb/image"][len(first)], second[0])
+    one, two = (recording["/tactile/thumb/image"] for recording in alone)
+    assert np.array_equal(both["/tactile/thumb/image"][len(one)], two[0])
     assert "wall clock" in both.clock
     assert "file" in both["/emg/samples"].columns()
 
