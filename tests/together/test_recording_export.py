@@ -128,7 +128,8 @@ def test_two_processes_write_the_same_tables_as_one(
     monkeypatch.setattr(export, "called_beside", noted)
     monkeypatch.setattr(export, "_SPLIT_BYTES", 0)
     halves = export_file(lossless, tmp_path / "halves", kind=kind)
-    assert 0.3 < called[0][-1] / lossless.stat().st_size < 0.7
+    # Parts of the file are as large as what came in a tenth of a second.
+    assert 0.1 < called[0][-1] / lossless.stat().st_size < 0.9
     assert [path.name for path in halves] == [path.name for path in whole]
     same_files(tmp_path / "halves", tmp_path / "whole")
 

@@ -33,7 +33,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     from tega.loop import run_session
 
     folder = tmp_path_factory.mktemp("session")
-    (folder / "lab.toml").write_text(synthetic(2.0, "index", more=BESIDE))
+    (folder / "lab.toml").write_text(synthetic(4.0, "index", more=BESIDE))
     summary = run_session(load_config(folder / "lab.toml", environ={}).config)
     return folder / "recorded" / str(summary["recording"]["file"])
 

@@ -26,7 +26,7 @@ from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.state import ViewState
 
 TREE: dict[str, Any] = {
-    "session": {"preset": "live", "pace": "fast", "duration_s": 2.0},
+    "session": {"preset": "live", "pace": "fast", "duration_s": 4.0},
     "tactile": {"index": {"driver": "synthetic-touch"}},
 }
 
