@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from reference.kept import NOW, muscles, touch, worn
 from tega.config import load_config
 from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.config.calibration.folder import CalibrationFolder
-from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, write_record
-from tega.config.calibration.store import TouchMaxima
+from tega.config.calibration.records import write_record
+from tega.config.person import driver_settings
 from tega.setup.doctor.findings import Finding
 from tega.setup.doctor.settings import check_calibration
 from tega.ui.cli.main import main
 
-NOW = datetime(2026, 11, 21, 15, 0, 0, tzinfo=UTC)
 SETTINGS = """
 [tactile.thumb]
 driver = "digit"
@@ -29,7 +29,6 @@ options = { port = "/dev/ttyUSB0" }
 [vest]
 driver = "bhaptics-player"
 """
-VEST = "127.0.0.1_15881"
 
 
 @pytest.fixture
@@ -45,39 +44,13 @@ def reported(lab: Path, *sets: str, now: datetime = NOW) -> list[Finding]:
     return found
 
 
-def touch(person: str = "p01", device: str = "D20641", made: datetime = NOW) -> TouchRecord:
-    full = TouchMaxima(cci_max=1.0, eda_max=9000.0)
-    return TouchRecord(
-        device=device, driver="digit", made=made, person=person, finger="thumb", baseline="", baseline_made=made,
-        width_px=240, height_px=320, n_presses=8, live=full, paper=full,
-    )  # fmt: skip
-
-
-def muscles(settings: str, kind: str = "raw", made: datetime = NOW) -> EmgRecord:
-    three = (1.0, 1.0, 1.0)
-    return EmgRecord(
-        device="ttyUSB0", driver="chords", made=made, person="p01", kind="raw" if kind == "raw" else "envelope",
-        rate_hz=500.0, tau_samples=50, settings=settings, unit="counts", channels=("ch1", "ch2", "ch3"),
-        muscles=("a", "b", "c"), offset=three, rest=three, live_max=three, paper_max=three, answers=(three,) * 3,
-    )  # fmt: skip
-
-
-def worn(made: datetime = NOW) -> VestCalibration:
-    return VestCalibration(
-        device=VEST, driver="bhaptics-player", made=made, person="p01", layout="x40", ceiling_percent=60,
-        sites=("f1",), threshold_percent=(10.0,), step_percent=(5.0,), named_right=8, named=8, false_alarms=0,
-    )  # fmt: skip
-
-
 def keep_all(lab: Path, made: datetime = NOW, kind: str = "raw") -> None:
-    from tega.config.person import driver_settings
-
     config = load_config(lab / "lab.toml", environ={}).config
     assert config.emg is not None
     home = CalibrationFolder(lab / "calibrations")
     home.keep(touch(made=made))
-    home.keep(muscles(driver_settings(config.emg), kind, made))
-    home.keep(worn(made))
+    home.keep(muscles(settings=driver_settings(config.emg), kind=kind, made=made))
+    home.keep(worn(made=made))
 
 
 def test_without_one_the_next_command_stands_there(lab: Path) -> None:

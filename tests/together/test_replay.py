@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import functools
+import io
 import json
 import re
-import subprocess
-import sys
-from collections.abc import Callable
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,9 +18,7 @@ import cv2
 import numpy as np
 import pytest
 
-from reference.processes import until
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
-from tega.config.calibration import Calibration, TouchMaxima, save_calibration
 from tega.config.calibration.store import parse_calibration
 from tega.config.choose import preset_metric
 from tega.errors import CalibrationError
@@ -31,46 +31,63 @@ OUTPUTS = [
     "calibration.toml", "can.csv", "contacts.csv", "events.csv", "levels.csv", "summary.json", "vest.csv",
 ]  # fmt: skip
 
-Replay = Callable[..., dict[str, Any]]
+# Equal steps, the mapping of `live`, have a reference of their own.
+COLUMNS = ("--set", "stages.mapping.name=columns")
+
+Ran = Callable[[str], tuple[dict[str, Any], Path]]
 
 
-@pytest.fixture(autouse=True)
-def _no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def _no_picture() -> Iterator[None]:
     """Leave out the drawing, which takes longer than all else; `test_findings.py` looks at it."""
-    monkeypatch.setattr(
-        view_session, "SessionPicture", lambda *_: SimpleNamespace(write=lambda *_, **__: None)
-    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(view_session, "SessionPicture", lambda *_: SimpleNamespace(write=lambda *_, **__: None))
+        yield
 
 
-@pytest.fixture
-def replay(capsys: pytest.CaptureFixture[str]) -> Replay:
-    """Run the verb and return its summary; fail with what it said if it fails."""
-
-    def run(*words: object, code: int = 0) -> dict[str, Any]:
-        with pytest.raises(SystemExit) as ended:
-            main(["replay", "--json", *map(str, words)])
-        out, err = capsys.readouterr()
-        assert ended.value.code == code, err
-        summary: dict[str, Any] = json.loads(out) if code == 0 else {"stderr": err}
-        return summary
-
-    return run
+def replay(*words: object, code: int = 0) -> dict[str, Any]:
+    """Run the verb; return its summary, or what it said in an error."""
+    out, err = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
+        main(["replay", "--json", *map(str, words)])
+    assert ended.value.code == code, err.getvalue()
+    summary: dict[str, Any] = json.loads(out.getvalue()) if code == 0 else {}
+    return summary | {"stderr": err.getvalue()}
 
 
-@pytest.fixture
-def press(tmp_path: Path) -> list[object]:
+@pytest.fixture(scope="module")
+def press(tmp_path_factory: pytest.TempPathFactory) -> list[object]:
     """Two fingers, one as pictures with the baseline among them, one as video, and three EMG channels."""
-    folder = write_folder(tmp_path / "thumb", 60)
+    inputs = tmp_path_factory.mktemp("inputs")
+    folder = write_folder(inputs / "thumb", 60)
     cv2.imwrite(str(folder / "gel.png"), baseline())
-    write_video(tmp_path / "ring.avi", 30, rate_hz=25, seed=3)
-    np.save(tmp_path / "ring_gel.npy", baseline(3))
+    write_video(inputs / "ring.avi", 30, rate_hz=25, seed=3)
+    np.save(inputs / "ring_gel.npy", baseline(3))
     samples = squeezes(600, 200.0, channels=5)
-    write_emg_csv(tmp_path / "emg.csv", samples, header=[f"m{k}" for k in range(5)])
+    write_emg_csv(inputs / "emg.csv", samples, header=[f"m{k}" for k in range(5)])
     return [
         "--tactile", f"thumb={folder}", "--baseline", f"thumb={folder / 'gel.png'}",
-        "--tactile", f"ring={tmp_path / 'ring.avi'}", "--baseline", f"ring={tmp_path / 'ring_gel.npy'}",
-        "--emg", tmp_path / "emg.csv", "--emg-rate-hz", 200, "--emg-kind", "raw", "--emg-channels", "2,5,3",
+        "--tactile", f"ring={inputs / 'ring.avi'}", "--baseline", f"ring={inputs / 'ring_gel.npy'}",
+        "--emg", inputs / "emg.csv", "--emg-rate-hz", 200, "--emg-kind", "raw", "--emg-channels", "2,5,3",
     ]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def ran(press: list[object], tmp_path_factory: pytest.TempPathFactory) -> Ran:
+    """A function that returns summary and folder of a run with one of the presets, or with a part of the inputs."""
+    words = {
+        "live": (*press, "--preset", "live", *COLUMNS),
+        "paper": (*press, "--preset", "paper"),
+        "touch": press[:4],
+        "muscles": press[8:],
+    }
+
+    @functools.cache
+    def run(name: str) -> tuple[dict[str, Any], Path]:
+        out = tmp_path_factory.mktemp(name) / "out"
+        return replay(*words[name], "--out", out), out
+
+    return run
 
 
 def table(path: Path) -> list[dict[str, str]]:
@@ -79,12 +96,8 @@ def table(path: Path) -> list[dict[str, str]]:
 
 
 @pytest.mark.parametrize("preset", ["paper", "live"])
-def test_the_tables_say_what_the_functions_say(
-    replay: Replay, press: list[object], tmp_path: Path, preset: Any
-) -> None:
-    out = tmp_path / "out"
-    # Equal steps, the mapping of `live`, have a reference of their own.
-    summary = replay(*press, "--preset", preset, "--set", "stages.mapping.name=columns", "--out", out)
+def test_the_tables_say_what_the_functions_say(ran: Ran, press: list[object], preset: Any) -> None:
+    summary, out = ran(preset)
     assert sorted(p.name for p in out.iterdir()) == OUTPUTS
     contacts = table(out / "contacts.csv")
     thumb = [row for row in contacts if row["finger"] == "thumb"]
@@ -92,11 +105,11 @@ def test_the_tables_say_what_the_functions_say(
     assert [row["t_s"] for row in contacts if row["finger"] == "ring"] == [f"{k / 25:.6f}" for k in range(30)]
     times = [float(row["t_s"]) for row in contacts]
     assert times == sorted(times)
-    maxima = summary["tactile"]["thumb"]
+    maxima, folder = summary["tactile"]["thumb"], Path(str(press[1]).partition("=")[2])
     measured = []
     metric = preset_metric(preset, baseline())
     for k, row in enumerate(thumb):
-        image = cv2.imread(str(tmp_path / "thumb" / f"frame_{k}.png"))
+        image = cv2.imread(str(folder / f"frame_{k}.png"))
         assert image is not None
         m = metric.update(np.asarray(image, np.uint8), round(k * 1e9 / 60))
         measured.append(m)
@@ -112,12 +125,10 @@ def test_the_tables_say_what_the_functions_say(
     assert maxima["cci_max"] == np.percentile([m.cci for m in measured if m.in_contact and m.eda >= 30], 99.5)
 
 
-def test_the_vest_shows_the_newest_frame_and_ends_silent(
-    replay: Replay, press: list[object], tmp_path: Path
-) -> None:
-    replay(*press, "--preset", "paper", "--out", tmp_path / "out")
-    rows = table(tmp_path / "out" / "vest.csv")
-    contacts = [row for row in table(tmp_path / "out" / "contacts.csv") if row["finger"] == "thumb"]
+def test_the_vest_shows_the_newest_frame_and_ends_silent(ran: Ran) -> None:
+    _, out = ran("paper")
+    rows = table(out / "vest.csv")
+    contacts = [row for row in table(out / "contacts.csv") if row["finger"] == "thumb"]
     assert list(rows[0]) == ["t_s", *(f"m{m}" for m in (*range(16), *range(20, 36)))]
     assert [row["t_s"] for row in rows] == [*(f"{k / 30:.6f}" for k in range(90)), "3.000000"]
     for row in rows[:30]:
@@ -129,14 +140,14 @@ def test_the_vest_shows_the_newest_frame_and_ends_silent(
     assert set(list(rows[-1].values())[1:]) == {"0"}
 
 
-def test_levels_and_can_frames(replay: Replay, press: list[object], tmp_path: Path) -> None:
-    summary = replay(*press, "--out", tmp_path / "out")
-    levels = table(tmp_path / "out" / "levels.csv")
+def test_levels_and_can_frames(ran: Ran) -> None:
+    summary, out = ran("live")
+    levels = table(out / "levels.csv")
     assert list(levels[0]) == ["t_s", "ch2", "ch5", "ch3", "fused", "closure", "confidence"]
     assert [row["t_s"] for row in levels] == [f"{k / 10:.6f}" for k in range(1, 31)]
     assert {int(row["fused"]) for row in levels} <= {1, 2, 3, 4, 5}
     assert len({row["fused"] for row in levels}) > 2
-    frames = table(tmp_path / "out" / "can.csv")
+    frames = table(out / "can.csv")
     assert [f["id"] for f in frames[:4]] == ["180", "184", "188", "18C"]
     assert all(len(f["data"]) == 16 for f in frames[:-1])
     assert [(f["t_s"], f["id"], f["data"]) for f in frames[-5:]] == [
@@ -151,37 +162,30 @@ def test_levels_and_can_frames(replay: Replay, press: list[object], tmp_path: Pa
 
 
 def test_a_calibration_from_a_run_gives_the_same_tables(
-    replay: Replay, press: list[object], tmp_path: Path
+    ran: Ran, press: list[object], tmp_path: Path
 ) -> None:
-    first = replay(*press, "--out", tmp_path / "one")
+    first, one = ran("live")
     assert first["calibration"]["self_calibrated"] is True
     assert "cannot be reproduced live" in first["notes"][0]
-    again = replay(*press, "--calibration", tmp_path / "one" / "calibration.toml", "--out", tmp_path / "two")
-    assert again["calibration"] == {
-        **first["calibration"],
-        "file": "calibration.toml",
-        "self_calibrated": False,
-    }
+    again = replay(*press, *COLUMNS, "--calibration", one / "calibration.toml", "--out", tmp_path)
+    by_file = {"file": "calibration.toml", "self_calibrated": False}
+    assert again["calibration"] == first["calibration"] | by_file
     for name in OUTPUTS:
         if name != "summary.json":
-            assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+            assert (one / name).read_bytes() == (tmp_path / name).read_bytes()
     assert first["notes"][1:] == again["notes"]
 
 
-def test_a_calibration_that_does_not_fit_is_refused(
-    replay: Replay, press: list[object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    replay(*press, "--out", tmp_path / "one")
-    calibration = tmp_path / "one" / "calibration.toml"
+def test_a_calibration_that_does_not_fit_is_refused(ran: Ran, press: list[object], tmp_path: Path) -> None:
+    calibration = ran("live")[1] / "calibration.toml"
     for change, message in (
         (["--preset", "paper"], "made with preset 'live', the run uses 'paper'"),
         (["--emg-kind", "envelope"], "made for emg kind = 'raw', the run has 'envelope'"),
         (["--emg-rate-hz", "250"], "made for emg rate_hz = 200.0, the run has 250.0"),
         (["--emg-channels", "2,3,5"], "made for emg channels = ('ch2', 'ch5', 'ch3')"),
-        (["--tactile", "index=thumb"], "has no maxima for finger 'index'"),
+        (["--tactile", str(press[1]).replace("thumb=", "index=")], "has no maxima for finger 'index'"),
     ):
-        failed = replay(*press, *change, "--calibration", calibration, "--out", tmp_path / "two", code=1)
+        failed = replay(*press, *change, "--calibration", calibration, "--out", tmp_path, code=1)
         assert f"error: calibration.toml: {message}" in failed["stderr"]
         assert "hint: " in failed["stderr"]
 
@@ -198,17 +202,17 @@ def test_a_calibration_file_with_mistakes_is_refused() -> None:
             parse_calibration(text, "c.toml")
 
 
-def test_touch_alone_and_muscles_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:
-    touch = replay(*press[:4], "--out", tmp_path / "touch")
+def test_touch_alone_and_muscles_alone(ran: Ran) -> None:
+    touch, out = ran("touch")
     assert (touch["emg"], touch["hand"]["ticks"], touch["vest"]["frames"]) == (None, 0, 30)
-    assert (tmp_path / "touch" / "levels.csv").read_text() == "t_s,fused,closure,confidence\n"
-    assert len(table(tmp_path / "touch" / "can.csv")) == 5  # only the way out
-    muscles = replay(*press[8:], "--out", tmp_path / "muscles")
+    assert (out / "levels.csv").read_text() == "t_s,fused,closure,confidence\n"
+    assert len(table(out / "can.csv")) == 5  # only the way out
+    muscles, out = ran("muscles")
     assert (muscles["tactile"], muscles["hand"]["ticks"], muscles["vest"]["frames"]) == ({}, 1000, 0)
-    assert table(tmp_path / "muscles" / "contacts.csv") == []
+    assert table(out / "contacts.csv") == []
 
 
-def test_without_a_baseline_it_is_estimated_and_said(replay: Replay, tmp_path: Path) -> None:
+def test_without_a_baseline_it_is_estimated_and_said(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "thumb", 60)
     summary = replay("--tactile", f"thumb={folder}", "--out", tmp_path / "out")
     assert (
@@ -219,7 +223,7 @@ def test_without_a_baseline_it_is_estimated_and_said(replay: Replay, tmp_path: P
     assert contact[15] == "0"
 
 
-def test_a_finger_that_never_touches_stays_silent(replay: Replay, tmp_path: Path) -> None:
+def test_a_finger_that_never_touches_stays_silent(tmp_path: Path) -> None:
     for k in range(20):
         path = tmp_path / "thumb" / f"{k}.png"
         path.parent.mkdir(exist_ok=True)
@@ -233,16 +237,14 @@ def test_a_finger_that_never_touches_stays_silent(replay: Replay, tmp_path: Path
     replay(*words, "--calibration", tmp_path / "out" / "calibration.toml", "--out", tmp_path / "two")
 
 
-@pytest.mark.slow
-def test_a_source_that_ends_early_is_said(replay: Replay, press: list[object], tmp_path: Path) -> None:
-    notes = replay(*press, "--out", tmp_path / "out")["notes"]
-    assert "thumb: ended at 1.000 s, silent 100 ms later" in notes
-    longer = write_folder(tmp_path / "index", 240)
-    notes = replay(*press, "--tactile", f"index={longer}", "--out", tmp_path / "out")["notes"]
-    assert "emg: ended at 3.000 s, its last level held to the end" in notes
+def test_a_source_that_ends_early_is_said(ran: Ran, press: list[object], tmp_path: Path) -> None:
+    assert "thumb: ended at 1.000 s, silent 100 ms later" in ran("live")[0]["notes"]
+    write_video(tmp_path / "index.avi", 20, rate_hz=5, seed=3)
+    words = (*press[8:], "--tactile", f"index={tmp_path / 'index.avi'}", "--out", tmp_path / "out")
+    assert "emg: ended at 3.000 s, its last level held to the end" in replay(*words)["notes"]
 
 
-def test_emg_samples_that_are_no_numbers_are_held_and_counted(replay: Replay, tmp_path: Path) -> None:
+def test_emg_samples_that_are_no_numbers_are_held_and_counted(tmp_path: Path) -> None:
     samples = squeezes(600, 200.0, channels=3)
     samples[0, 1] = samples[300:304, 0] = np.nan
     np.save(tmp_path / "e.npy", samples)
@@ -252,7 +254,7 @@ def test_emg_samples_that_are_no_numbers_are_held_and_counted(replay: Replay, tm
     assert "emg: ch1: 4 samples were missing or no numbers; the one before was held" in summary["notes"]
 
 
-def test_a_folder_that_is_not_ours_is_left_alone(replay: Replay, press: list[object], tmp_path: Path) -> None:
+def test_a_folder_that_is_not_ours_is_left_alone(press: list[object], tmp_path: Path) -> None:
     out = tmp_path / "out"
     out.mkdir()
     (out / "thesis.txt").write_text("years of work")
@@ -265,66 +267,44 @@ def test_a_folder_that_is_not_ours_is_left_alone(replay: Replay, press: list[obj
     assert "output folder 'thesis.txt' is a file" in failed["stderr"]
 
 
-def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(tmp_path: Path) -> None:
-    settings = tmp_path / "s.toml"
-    settings.write_text(
-        '[session]\npace = "real"\nout_dir = "out"\n'
-        '[tactile.thumb]\ndriver = "synthetic-touch"\noptions = {duration_s = 600.0}\n'
-        '[calibration]\nfile = "calibration.toml"\n'
-    )
-    save_calibration(
-        Calibration(
-            preset="live",
-            origin="made up",
-            tactile={"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)},
-        ),
-        tmp_path / "calibration.toml",
-    )
-    words = [sys.executable, "-m", "tega.ui.cli", "run", str(settings)]
-    with subprocess.Popen(words, stdout=subprocess.DEVNULL) as running:
-        until(lambda: (tmp_path / "out" / "vest.csv").exists() or running.poll() is not None)
-        running.kill()
-    begun = json.loads((tmp_path / "out" / "summary.json").read_text())
-    assert begun["ended"] == "not yet, or it was killed"
-    again = [*words, "--set", "session.duration_s=0.2"]
-    subprocess.run(again, stdout=subprocess.DEVNULL, check=True, timeout=120)
-    assert json.loads((tmp_path / "out" / "summary.json").read_text())["ended"] == "duration"
-
-
 def test_the_results_of_an_earlier_run_are_kept_and_told(
-    press: list[object], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    ran: Ran, press: list[object], tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    kept, reported = [], []
-    for number in range(3):
-        with pytest.raises(SystemExit, match="0"):
-            main(["replay", "--json", *map(str, press), "--out", str(out)])
-        reported.append(capsys.readouterr().err)
-        (out / "vest.csv").write_text(f"of run {number}\n")
-        kept.append({name: (out / name).read_bytes() for name in OUTPUTS})
+    shutil.copytree(ran("muscles")[1], out)
     for number in (1, 2):
+        (out / "vest.csv").write_text(f"before run {number}\n")
+        kept = {name: (out / name).read_bytes() for name in OUTPUTS}
         below = out / f"earlier-{number}"
-        assert {path.name: path.read_bytes() for path in below.iterdir()} == kept[number - 1]
-        assert reported[number] == f"the earlier results in {out} are kept in {below}\n"
+        assert (
+            replay(*press[8:], "--out", out)["stderr"]
+            == f"the earlier results in {out} are kept in {below}\n"
+        )
+        assert {path.name: path.read_bytes() for path in below.iterdir()} == kept
     assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "earlier-1", "earlier-2"])
 
 
-def test_a_run_that_left_nothing_leaves_no_folder(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert [prepare_folder(out) for _ in range(3)] == [None] * 3
-    (out / "vest.csv").write_text("t_s\n")
-    assert prepare_folder(out) == out / "earlier-1"
-    assert sorted(path.name for path in (out / "earlier-1").iterdir()) == ["summary.json", "vest.csv"]
+def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(
+    press: list[object], tmp_path: Path
+) -> None:
+    assert [prepare_folder(tmp_path) for _ in range(3)] == [None] * 3, (
+        "one that left nothing leaves no folder"
+    )
+    assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "not yet, or it was killed"
+    (tmp_path / "vest.csv").write_text("t_s\n")
+    assert replay(*press[8:], "--out", tmp_path)["ended"] == "complete"
+    assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == ["summary.json", "vest.csv"]
 
 
 def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
-    replay: Replay, press: list[object], tmp_path: Path
+    ran: Ran, press: list[object], tmp_path: Path
 ) -> None:
-    replay(*press, "--out", tmp_path / "one")
+    shutil.copytree(str(press[1]).partition("=")[2], tmp_path / "thumb")
     torn = tmp_path / "thumb" / "frame_40.png"
     torn.write_bytes(torn.read_bytes()[:-40])
-    words = ["--calibration", tmp_path / "one" / "calibration.toml", "--out", tmp_path / "two"]
-    assert "error: frame_40.png: PNG cut short" in replay(*press, *words, code=1)["stderr"]
+    words = ["--calibration", ran("live")[1] / "calibration.toml", "--out", tmp_path / "two"]
+    failed = replay("--tactile", f"thumb={torn.parent}", *press[2:], *words, code=1)
+    assert "error: frame_40.png: PNG cut short" in failed["stderr"]
     rows, frames = table(tmp_path / "two" / "vest.csv"), table(tmp_path / "two" / "can.csv")
     assert 0.6 < float(rows[-1]["t_s"]) < 0.7
     assert set(list(rows[-1].values())[1:]) == {"0"}
@@ -349,22 +329,20 @@ def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
         (["--emg", "e.csv", "--emg-kind", "noisy"], "--emg-kind"),
     ],
 )
-def test_wrong_use_is_told_with_code_2(
-    replay: Replay, tmp_path: Path, words: list[str], message: str
-) -> None:
+def test_wrong_use_is_told_with_code_2(tmp_path: Path, words: list[str], message: str) -> None:
     stderr = replay(*words, "--out", tmp_path / "out", code=2)["stderr"]
     assert stderr.startswith("error: ")
     assert message in stderr
     assert "hint: tega-teleop replay --help" in stderr
 
 
-def test_a_rate_too_low_for_a_block_says_so(replay: Replay, tmp_path: Path) -> None:
+def test_a_rate_too_low_for_a_block_says_so(tmp_path: Path) -> None:
     np.save(tmp_path / "e.npy", squeezes(60, 4.0))
     words = ["--emg", tmp_path / "e.npy", "--emg-rate-hz", 4, "--emg-kind", "raw", "--out", tmp_path / "out"]
     assert "EMG rate_hz = 4: a block of 100 ms holds no sample" in replay(*words, code=1)["stderr"]
 
 
-def test_a_channel_that_never_moves_is_named_by_its_number(replay: Replay, tmp_path: Path) -> None:
+def test_a_channel_that_never_moves_is_named_by_its_number(tmp_path: Path) -> None:
     samples = squeezes(600, 200.0, channels=6)
     samples[:, 5] = 0.0
     np.save(tmp_path / "e.npy", samples)

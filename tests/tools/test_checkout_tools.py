@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import tomllib
@@ -17,46 +18,50 @@ PROJECT = Path(__file__).resolve().parents[2]
 PACKAGES = ("tega_emulators", "tega_campaigns", "tega_figures")
 
 
-def run_without(code: str) -> subprocess.CompletedProcess[str]:
-    """Run Python where none of the packages can be imported."""
-    hide = "".join(f"sys.modules[{name!r}] = None; " for name in PACKAGES)
-    words = [sys.executable, "-c", f"import sys; {hide}{code}"]
-    return subprocess.run(words, capture_output=True, text=True, check=False)
+# Each call is of a function with words; its output, error output and exit code are printed.
+_RUN = """
+import contextlib, io, json, sys
+sys.modules.update(dict.fromkeys({packages}))
+from tega.setup.contract.command import main as contract
+from tega.ui.cli.main import main as tega
+for name, *words in {calls}:
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            code = globals()[name](words)
+        except SystemExit as ended:
+            code = ended.code
+    print(json.dumps([out.getvalue(), err.getvalue(), code]))
+"""
+VERBS = {
+    ("soak",): ("emulators", "campaigns"),
+    ("bench", "sim"): ("emulators", "figures"),
+    ("init", "--emulated"): ("emulators",),
+    ("hand", "measure", "--emulated"): ("emulators",),
+}
 
 
-@pytest.mark.parametrize(
-    ("words", "folders"),
-    [
-        (("soak",), ("emulators", "campaigns")),
-        (("bench", "sim"), ("emulators", "figures")),
-        (("init", "--emulated"), ("emulators",)),
-        (("hand", "measure", "--emulated"), ("emulators",)),
-    ],
-    ids=" ".join,
-)
-def test_a_verb_without_its_package_prints_the_pip_line(
-    words: tuple[str, ...], folders: tuple[str, ...]
-) -> None:
-    done = run_without(f"from tega.ui.cli.main import main; main({list(words)!r})")
-    assert done.returncode == 2, done.stdout + done.stderr
-    assert done.stdout == ""
-    assert f"error: tega-teleop {words[0]}" in done.stderr
-    hint = done.stderr.splitlines()[-1]
-    assert "pip install" in hint
-    assert [part.rstrip("'").rpartition("/")[2] for part in hint.split() if "tools/" in part] == list(folders)
-
-
-def test_the_list_of_verbs_and_the_contract_need_none_of_the_packages() -> None:
-    listed = run_without("from tega.ui.cli.main import main; main(['--help'])")
-    assert listed.returncode == 0
-    assert "soak" in listed.stdout
-    tried = run_without("from tega.setup.contract.command import main; sys.exit(main(['digit']))")
-    assert (tried.returncode, tried.stdout.split()[:2]) == (2, ["not", "tried"])
-    assert "./tools/emulators" in tried.stdout
-    real = run_without(
-        "from tega.setup.contract.command import main; sys.exit(main(['synthetic-emg', '--set', 'rate_hz=1000']))"
-    )
-    assert (real.returncode, real.stdout.split()[:1]) == (0, ["ok"])
+def test_what_needs_a_package_prints_the_pip_line_and_the_rest_works_without() -> None:
+    calls = [
+        *(("tega", *words) for words in VERBS),
+        ("tega", "--help"),
+        ("contract", "digit"),
+        ("contract", "synthetic-emg", "--set", "rate_hz=1000"),
+    ]
+    words = [sys.executable, "-c", _RUN.format(packages=PACKAGES, calls=calls)]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    *refused, listed, tried, real = map(json.loads, done.stdout.splitlines())
+    for (verb, folders), (out, err, code) in zip(VERBS.items(), refused, strict=True):
+        assert (out, code) == ("", 2)
+        assert f"error: tega-teleop {verb[0]}" in err
+        hint = err.splitlines()[-1]
+        assert "pip install" in hint
+        assert tuple(p.rstrip("'").rpartition("/")[2] for p in hint.split() if "tools/" in p) == folders
+    assert "soak" in listed[0]
+    assert listed[2] == 0
+    assert (tried[2], tried[0].split()[:2]) == (2, ["not", "tried"])
+    assert "./tools/emulators" in tried[0]
+    assert (real[2], real[0].split()[:1]) == (0, ["ok"])
 
 
 def test_another_missing_module_stays_what_it_is() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reference.kept import NOW, muscles, worn
 from tega.config.calibration.records import EmgRecord, VestCalibration, read_record, write_record
 from tega.config.calibration.wearing import SITES, judge_wearing
 from tega.config.person_settings import felt_by
@@ -150,7 +151,6 @@ def test_places_named_right_or_by_a_neighbour_are_no_problem() -> None:
 
 
 PERCENT = st.floats(0.1, 60) | st.just(-1.0)
-MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
@@ -158,21 +158,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 def test_a_vest_record_is_read_as_written_and_makes_a_map(
     threshold: list[float], step: list[float], note: str
 ) -> None:
-    record = VestCalibration(
-        person="p01",
-        device="v",
-        driver="d",
-        made=MADE,
-        notes=(note,),
-        layout="x40",
-        ceiling_percent=60,
-        sites=SITES,
-        threshold_percent=tuple(threshold),
-        step_percent=tuple(step),
-        named_right=8,
-        named=8,
-        false_alarms=0,
-    )
+    record = worn(notes=(note,), sites=SITES, threshold_percent=tuple(threshold), step_percent=tuple(step))
     with TemporaryDirectory() as folder:
         path = Path(folder) / "vest.toml"
         write_record(record, path)
@@ -187,34 +173,15 @@ def test_a_vest_record_is_read_as_written_and_makes_a_map(
             assert felt.intensities[k] >= round(t) - 1
 
 
-@given(
-    st.lists(st.floats(1e-6, 1e6), min_size=3, max_size=3),
-    TEXT,
-    st.none() | st.just(MADE),
-)
+@given(st.lists(st.floats(1e-6, 1e6), min_size=3, max_size=3), TEXT, st.none() | st.just(NOW))
 def test_an_emg_record_is_read_as_written(
     numbers: list[float], text: str, refreshed: datetime | None
 ) -> None:
-    values = tuple(numbers)
-    record = EmgRecord(
-        person="p01",
-        device="d",
-        driver="cyton",
-        made=MADE,
-        kind="raw",
-        rate_hz=250.0,
-        tau_samples=25,
-        settings=text,
-        unit="µV",
-        channels=("ch1", "ch2", "ch3"),
-        muscles=("ECR", "FCU", text),
-        offset=values,
-        rest=values,
-        live_max=values,
-        paper_max=values,
-        answers=(values, values, values),
+    three = tuple(numbers)
+    record = muscles(
+        settings=text, muscles=("ECR", "FCU", text), offset=three, live_max=three, answers=(three,) * 3,
         refreshed=refreshed,
-    )
+    )  # fmt: skip
     with TemporaryDirectory() as folder:
         path = Path(folder) / "emg.toml"
         write_record(record, path)

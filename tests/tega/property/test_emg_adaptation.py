@@ -87,13 +87,7 @@ def recordings(draw: st.DrawFn) -> tuple[InputKind, Samples]:
     kind = draw(st.sampled_from(get_args(InputKind)))
     first = draw(st.sampled_from([0.04, 0.3, 0.5, 0.6]))
     times = draw(st.floats(0.5, 2.5))
-    shares = [
-        first,
-        first * times**0.3,
-        first * times**0.6,
-        first * times,
-        draw(st.sampled_from([0.02, 0.9])),
-    ]
+    shares = [*(first * times**k for k in (0, 0.3, 0.6, 1)), draw(st.sampled_from([0.02, 0.9]))]
     samples = effort(shares, 8.0, kind=kind, seed=draw(st.integers(0, 99)))
     for at in draw(st.lists(st.integers(0, len(samples) - 1), max_size=2)):
         samples[at, draw(st.integers(0, 1))] = draw(st.sampled_from([np.nan, np.inf, -np.inf, 1e300]))
@@ -101,68 +95,38 @@ def recordings(draw: st.DrawFn) -> tuple[InputKind, Samples]:
 
 
 @settings(max_examples=settings().max_examples // 3)
-@given(recordings(), courses(), st.lists(st.integers(0, 8000), max_size=12))
-def test_chunks_do_not_matter_to_the_last_bit(
-    recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]], cuts: list[int]
-) -> None:
-    kind, samples = recording
-    whole, parts = (
-        Run(by_course(course), kind).take(samples),
-        Run(by_course(course), kind).take(samples, cuts),
-    )
-    assert whole.blocks == parts.blocks
-    assert whole.reported == parts.reported
-
-
-@settings(max_examples=settings().max_examples // 3)
-@given(recordings(), courses())
-def test_what_was_read_is_what_a_replay_needs(
-    recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]]
-) -> None:
-    kind, samples = recording
-    run = Run(by_course(course), kind).take(samples)
-    read = [one for one in run.reported if isinstance(one, AdaptationSwitch)]
-    again = Run(read_switches(read), kind).take(samples, [137, 4001])
-    assert again.blocks == run.blocks
-    assert again.reported == run.reported
-
-
-@settings(max_examples=settings().max_examples // 3)
-@given(recordings(), courses(), st.floats(0, 8), st.floats(0, 2))
-def test_no_minute_changes_more_than_its_limit(
-    recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]], gain: float, offset: float
+@given(recordings(), courses(), st.lists(st.integers(0, 8000), max_size=12), st.floats(0, 8), st.floats(0, 2))
+def test_limits_and_switches_are_kept_however_samples_are_cut_and_in_a_replay(
+    recording: tuple[InputKind, Samples],
+    course: list[tuple[int, Switches]],
+    cuts: list[int],
+    gain: float,
+    offset: float,
 ) -> None:
     kind, samples = recording
     how = AdaptationSection(on=True, gain_percent_per_min=gain, offset_percent_per_min=offset)
     run = Run(by_course(course), kind, how).take(samples)
+    read = [one for one in run.reported if isinstance(one, AdaptationSwitch)]
+    for again, at in ((by_course(course), cuts), (read_switches(read), [137, 4001])):
+        same = Run(again, kind, how).take(samples, at)
+        assert (same.blocks, same.reported) == (run.blocks, run.reported)
     gains, offsets = np.ones(2), np.zeros(2)
     moved_gain, moved_offset = np.zeros(2), np.zeros(2)  # the whole recording is shorter than a minute
     for change in run.changes:
         now = np.array(change.gains), np.array(change.offsets)
         if change.why in {"rest", "target"}:
+            switches = by_course(course)(change.n_samples)
+            assert switches.allowed
+            assert switches.n_undone % 2 == 0
             moved_gain += np.abs(np.log(now[0] / gains))
             moved_offset += np.abs(now[1] - offsets) / FULL
+        else:
+            assert (change.gains, change.offsets) == ((1.0, 1.0), (0.0, 0.0))
         gains, offsets = now
         assert (np.abs(np.log(gains)) <= math.log(MOST_GAIN) + 1e-12).all()
         assert ((offsets >= 0) & (offsets <= MOST_OFFSET * FULL + 1e-12)).all()
     assert (moved_gain <= math.log1p(gain / 100) + 1e-9).all()
     assert (moved_offset <= offset / 100 + 1e-9).all()
-
-
-@settings(max_examples=settings().max_examples // 3)
-@given(recordings(), courses())
-def test_nothing_changes_while_it_is_not_allowed_or_undone(
-    recording: tuple[InputKind, Samples], course: list[tuple[int, Switches]]
-) -> None:
-    kind, samples = recording
-    for change in Run(by_course(course), kind).take(samples).changes:
-        now = by_course(course)(change.n_samples)
-        if change.why in {"rest", "target"}:
-            assert now.allowed
-            assert now.n_undone % 2 == 0
-        else:
-            assert change.gains == (1.0, 1.0)
-            assert change.offsets == (0.0, 0.0)
 
 
 @settings(max_examples=settings().max_examples // 3)

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+from collections.abc import Sequence
+from datetime import timedelta
 from pathlib import Path
-from typing import Any
 
 import msgspec
 import numpy as np
 import pytest
 
+from reference.kept import NOW, touch, worn
 from reference.scripted import touching
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
-from tega.config import SettingValue, load_config
+from tega.config import LoadedConfig, SessionConfig, SettingValue, load_config
 from tega.config.calibration.folder import CalibrationFolder, Unfinished, device_name
 from tega.config.calibration.records import TouchRecord, VestCalibration, read_record
-from tega.config.calibration.store import EmgMaxima, TouchMaxima
+from tega.config.calibration.store import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError, TegaError
 from tega.runtime.opencv import read_image
@@ -28,8 +29,22 @@ from tega.setup.calibration.wizard import Calibrating, parts_of
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main
 
+ARM = [
+    "arm.driver=simulated-arm", "input.motion.driver=spacemouse", "input.dead_man.driver=spacemouse",
+    "input.dead_man.options.silent_after_ms=1000",
+]  # fmt: skip
 CHAIN = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1", "ch2", "ch3"), maxima=())
-NOW = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
+
+
+def read(sets: Sequence[str] = ()) -> LoadedConfig:
+    return load_config(None, environ={}, sets=sets)
+
+
+def calibrating(folder: CalibrationFolder, config: SessionConfig) -> Calibrating:
+    """Return the wizard, with nobody there to answer."""
+    return Calibrating(
+        Sitting(config, "p01", folder, LineGuide(yes=True, get_ready_s=0.0), Times(), lambda: NOW)
+    )
 
 
 def emg(*efforts: float, seconds: float = 4.0, seed: int = 0) -> list[EmgChunk]:
@@ -99,28 +114,10 @@ def test_pictures_that_make_no_baseline() -> None:
     assert "only 3 good pictures came, 20 are needed" in judge_rest([flat] * 3).problems
 
 
-def touch(**more: object) -> TouchRecord:
-    fields: dict[str, object] = {
-        "person": "p01",
-        "device": "D1",
-        "driver": "digit",
-        "made": NOW,
-        "finger": "thumb",
-        "baseline": "gels/D1/x.png",
-        "baseline_made": NOW,
-        "width_px": 240,
-        "height_px": 320,
-        "n_presses": 5,
-        "live": TouchMaxima(cci_max=1.0, eda_max=9000.0),
-        "paper": TouchMaxima(eda_max=9000.0),
-    }
-    return TouchRecord(**(fields | more))  # type: ignore[arg-type]
-
-
 def test_records_that_must_not_be_used(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
-    path = folder.keep(touch())
-    assert folder.record("p01", TouchRecord, "D1") == touch()
+    path = folder.keep(touch(device="D1"))
+    assert folder.record("p01", TouchRecord, "D1") == touch(device="D1")
     # A copied file is another person's.
     theirs = folder.file("p02", "touch", "D1")
     theirs.parent.mkdir()
@@ -166,27 +163,15 @@ def test_an_interrupted_calibration_is_too_old_after_four_hours(tmp_path: Path) 
 
 def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -> None:
     sets = ["vest.driver=bhaptics-player", "calibration.person=p01", f"calibration.folder={tmp_path}"]
-    record = VestCalibration(
-        person="p01",
-        device="127.0.0.1_15881",
-        driver="bhaptics-player",
-        made=NOW,
-        layout="x40",
-        ceiling_percent=60,
-        sites=("f1", "b4"),
-        threshold_percent=(20.0, -1.0),
-        step_percent=(7.0, -1.0),
-        named_right=8,
-        named=8,
-        false_alarms=0,
+    CalibrationFolder(tmp_path).keep(
+        worn(sites=("f1", "b4"), threshold_percent=(20.0, -1.0), step_percent=(7.0, -1.0))
     )
-    CalibrationFolder(tmp_path).keep(record)
-    live = load_config(None, environ={}, sets=sets)
+    live = read(sets)
     assert live.config.vest.threshold == (20.0,) * 40
     assert live.values["vest.step"].origin == "people/p01/vest-127.0.0.1_15881.toml"
-    paper = load_config(None, environ={}, sets=[*sets, "session.preset=paper"])
+    paper = read([*sets, "session.preset=paper"])
     assert paper.config.vest.threshold == 0.0
-    nobody = load_config(None, environ={}, sets=[*sets, "calibration.person=p02"])
+    nobody = read([*sets, "calibration.person=p02"])
     assert nobody.config.vest.threshold == 0.0
 
 
@@ -196,9 +181,8 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
     devices = {"tactile.thumb": "D1", "emg": "ttyUSB0"}
     folder.keep_unfinished("p01", Unfinished(started=NOW, devices=devices, steps=steps))
     sets = ["tactile.thumb.driver=digit", "tactile.thumb.options.source=http://127.0.0.1:9/D2"]
-    config = load_config(None, environ={}, sets=sets).config
-    guide = LineGuide(yes=True, get_ready_s=0.0)
-    work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
+    config = read(sets).config
+    work = calibrating(folder, config)
     with pytest.raises(DeviceUnavailableError, match="does not open"):
         work.run(parts_of(config))
     assert work.left == ["tactile.thumb"]
@@ -211,9 +195,8 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
 def test_a_damaged_step_of_an_interrupted_calibration_is_told(tmp_path: Path, kept: object) -> None:
     folder, step = CalibrationFolder(tmp_path), "tactile.thumb.baseline"
     folder.keep_unfinished("p01", Unfinished(started=NOW, steps={step: kept}))
-    config = load_config(None, environ={}, sets=[]).config
-    guide = LineGuide(yes=True, get_ready_s=0.0)
-    work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
+    config = read([]).config
+    work = calibrating(folder, config)
     work.run([])
     with pytest.raises(CalibrationError, match=rf"step {step} is damaged") as reported:
         work._baseline(step)
@@ -241,15 +224,10 @@ def test_a_weak_press_and_an_accident_do_not_count() -> None:
 
 def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
-    sets = ["vest.driver=bhaptics-player", f"calibration.folder={tmp_path}", "arm.driver=simulated-arm"]
-    sets += [
-        "input.motion.driver=spacemouse",
-        "input.dead_man.driver=spacemouse",
-        "input.dead_man.options.silent_after_ms=1000",
-    ]
+    sets = [*ARM, "vest.driver=bhaptics-player", f"calibration.folder={tmp_path}"]
 
     def follows(person: str, *more: str) -> tuple[str, str]:
-        config = load_config(None, environ={}, sets=[*sets, f"calibration.person={person}", *more]).config
+        config = read([*sets, f"calibration.person={person}", *more]).config
         assert config.arm is not None
         return config.vest.mirror, config.arm.mapping.forearm
 
@@ -260,7 +238,7 @@ def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path:
     assert follows("p01") == ("all", "left")
     assert follows("p02") == ("none", "right")
     assert follows("p01", 'vest.mirror="back"') == ("back", "left"), "what is given wins"
-    loaded = load_config(None, environ={}, sets=[*sets, "calibration.person=p01"])
+    loaded = read([*sets, "calibration.person=p01"])
     assert loaded.values["vest.mirror"].origin == "people/p01/person.toml"
     assert loaded.values["arm.mapping.forearm"].origin == "people/p01/person.toml"
     folder.keep_hand("p01", "left")
@@ -275,13 +253,12 @@ def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path:
 @pytest.mark.parametrize("person", [None, "p01"])
 def test_the_arm_is_mirrored_for_the_hand_that_is_mounted(tmp_path: Path, person: str | None) -> None:
     CalibrationFolder(tmp_path).keep_hand("p01", "left")
-    sets = [f"calibration.folder={tmp_path}", "arm.driver=simulated-arm", "input.motion.driver=spacemouse"]
-    sets += ["input.dead_man.driver=spacemouse", "input.dead_man.options.silent_after_ms=1000"]
+    sets = [*ARM, f"calibration.folder={tmp_path}"]
     sets += ["hand.driver=allegro", "hand.options.interface=slcan", "hand.options.channel=/dev/ttyX"]
     sets += [] if person is None else [f"calibration.person={person}"]
 
     def mirrored(*more: str) -> bool:
-        config = load_config(None, environ={}, sets=[*sets, *more]).config
+        config = read([*sets, *more]).config
         assert config.arm is not None
         pose = StampedPose(0, (0.0, 0.1, 0.0), (0.0, 0.0, 0.0, 1.0))
         reported = msgspec.structs.replace(config.arm.mapping, frame="base")
@@ -290,47 +267,25 @@ def test_the_arm_is_mirrored_for_the_hand_that_is_mounted(tmp_path: Path, person
     left_person = person is not None
     assert mirrored() == left_person, "a right hand, and a left forearm where the person's is known"
     assert mirrored("hand.options.side=left") != left_person
-    loaded = load_config(None, environ={}, sets=[*sets, "hand.options.side=left"])
+    loaded = read([*sets, "hand.options.side=left"])
     assert loaded.values["arm.mapping.robot_hand"] == SettingValue("left", "hand.options.side")
     with pytest.raises(ConfigError, match=r"robot_hand is 'right', but hand\.options\.side is 'left'"):
         mirrored("hand.options.side=left", "arm.mapping.robot_hand=right")
 
 
-def test_the_wizard_shows_the_drawing_of_the_person_s_hand(tmp_path: Path) -> None:
-    config = load_config(None, environ={}, sets=["vest.driver=bhaptics-player", "vest.options.port=9"]).config
+def test_the_wizard_shows_the_drawing_of_the_person_s_hand(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    config = read(["vest.driver=bhaptics-player", "vest.options.port=9"]).config
     for hand, drawn in (("left", "-left.svg"), ("right", "placement-vest.svg"), (None, "")):
         folder = CalibrationFolder(tmp_path / str(hand))
         if hand is not None:
             folder.keep_hand("p01", hand)  # type: ignore[arg-type]
-        guide = _Parts()
-        work = Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
         with pytest.raises(TegaError):  # there is no vest
-            work.run(["vest"])
-        (message,) = guide.parts
+            calibrating(folder, config).run(["vest"])
+        message = capsys.readouterr().err
         assert drawn in message
         assert ("placement" in message) == (hand is not None)
-
-
-class _Parts:
-    """A guide that hears which parts begin, and has nobody to ask."""
-
-    def __init__(self) -> None:
-        self.parts: list[str] = []
-
-    def part(self, _title: str, why: str) -> None:
-        self.parts.append(why)
-
-    def say(self, text: str, *, tone: str = "plain") -> None:
-        """Hear."""
-
-    def ready(self, prompt: str) -> None:
-        """Be ready."""
-
-    def ask(self, question: str, _answers: Any) -> str:
-        raise AssertionError(question)
-
-    def show(self, prompt: str, bars: Any, left_s: float | None, /) -> None:
-        """Look."""
 
 
 def test_the_wizard_keeps_the_hand_before_anything_is_opened(tmp_path: Path) -> None:

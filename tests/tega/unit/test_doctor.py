@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import textwrap
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from reference.command import call
 from tega.config import load_config
+from tega.config.calibration import load_calibration
 from tega.setup.doctor import probe_drivers
 from tega.setup.doctor.bench import POLL_S, ROLES, TRY_S, in_time, probe_all, try_all
 from tega.setup.doctor.findings import DriverCase, holders
@@ -89,37 +90,25 @@ def test_every_driver_with_hardware_can_say_what_is_there() -> None:
 # A whole one.
 
 
-@pytest.fixture(scope="module")
-def bench() -> Iterator[EmulatedBench]:
-    with EmulatedBench() as up:
-        yield up
-
-
 @pytest.mark.slow
-def test_a_bench_with_every_emulator_up_is_fine(
-    bench: EmulatedBench, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_bench_with_every_emulator_up_is_fine_and_its_settings_can_start_a_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = tmp_path / "lab.toml"
-    bench.write_settings(settings)
-    out, _ = call(capsys, "doctor", settings, "--json", code=0)
+    with EmulatedBench() as bench:
+        bench.write_settings(settings)
+        out, _ = call(capsys, "doctor", settings, "--json", code=0)
+        # Nothing was felt, and nothing moved.
+        assert not any(any(motors) for _, motors in seen_by(bench.player).history)
+        hand = bench.hand.say("look")
+        assert not hand["servo_on"]
+        assert not any(hand["duties"])
     message = json.loads(out)
     assert {f["status"] for f in message["findings"]} <= {"ok", "warning"}
     assert {f["check"] for f in message["findings"] if f["status"] == "ok"} >= {"emg", "vest", "hand"}
     assert message["settings"] == "lab.toml"
     emg = next(f for f in message["findings"] if f["check"] == "emg")
     assert emg["measured"]["rate_hz"] > 0
-    # Nothing was felt, and nothing moved.
-    assert not any(any(motors) for _, motors in seen_by(bench.player).history)
-    hand = bench.hand.say("look")
-    assert not hand["servo_on"]
-    assert not any(hand["duties"])
-
-
-def test_init_of_an_emulated_bench_is_a_run_that_can_start(bench: EmulatedBench, tmp_path: Path) -> None:
-    from tega.config.calibration import load_calibration
-
-    settings = tmp_path / "lab.toml"
-    bench.write_settings(settings)
     config = load_config(settings, environ={}).config
     assert list(config.tactile) == ["thumb", "index"]
     assert all(c.baseline is not None and c.baseline.is_file() for c in config.tactile.values())
@@ -191,8 +180,6 @@ def test_a_stranger_s_driver_takes_part(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_the_rules_are_printed_and_allow_what_the_drivers_open(capsys: pytest.CaptureFixture[str]) -> None:
-    import re
-
     out, _ = call(capsys, "doctor", "--udev-rules", code=0)
     rules = [line for line in out.splitlines() if line and not line.startswith("#")]
     clause = r'[A-Z]+(?:\{[A-Za-z_]+\})?(?:==|=|\+=)"[^"]*"'

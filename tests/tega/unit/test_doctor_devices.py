@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import sys
 from pathlib import Path
+from string import Template
 
+import numpy as np
 import pytest
 
 from reference.doctor import only, reported
@@ -16,34 +17,37 @@ from tega.setup.doctor.sensors import FoundCamera, crowded
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import seen_by
 
-
-@pytest.mark.slow
-def test_a_hand_of_another_version(tmp_path: Path) -> None:
-    with Emulator("allegro_port", "--hardware", "0x0500") as hand:
-        options = json.dumps({"interface": "slcan", "channel": hand.address["channel"]})
-        case = '[hand]\ndriver = "allegro"\n[hand.options]\n' + "".join(
-            f"{key} = {json.dumps(value)}\n" for key, value in json.loads(options).items()
-        )
-        finding = only(reported(tmp_path, case + "bus = { sleep_after_open = 0.0 }\n"))
-        assert not hand.say("look")["servo_on"]
-    assert finding.status == "error"
-    assert "version 5.0" in finding.finding
-    assert finding.todo
+DIGIT = '[tactile.thumb]\ndriver = "digit"\noptions = { source = "$source" }\n'
+PLAYER = '[vest]\ndriver = "bhaptics-player"\noptions = { port = $port }\n'
+BOARD = '[emg]\ndriver = "serial-emg"\nkind = "raw"\noptions = { port = "$port", rate_hz = 500, measure_s = 0.25 }\n'
+HAND = (
+    '[hand]\ndriver = "allegro"\n'
+    'options = { interface = "slcan", channel = "$channel", bus = { sleep_after_open = 0.0 } }\n'
+)
+slow = pytest.mark.slow
 
 
-@pytest.mark.slow
-def test_an_amplifier_that_is_too_slow(tmp_path: Path) -> None:
-    with Emulator("ascii_board", "--rate", "500", "--fault", "slow=0.2") as board:
-        finding = only(
-            reported(
-                tmp_path,
-                f'[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
-                f'options = {{ port = "{board.port}", rate_hz = 500, measure_s = 0.25 }}\n',
-            )
-        )
-    assert finding.status == "error"
-    assert "samples/s" in finding.finding
-    assert any("delay()" in step for step in finding.todo)
+@pytest.mark.parametrize(
+    ("words", "said", "settings", "status", "finding", "todo"),
+    [
+        pytest.param(("allegro_port", "--hardware", "0x0500"), "look", HAND, "error", "version 5.0", "", marks=slow),
+        pytest.param(("ascii_board", "--fault", "slow=0.2"), "", BOARD, "error", "samples/s", "delay()", marks=slow),
+        pytest.param(("digit",), "black", DIGIT, "error", "black", "", marks=slow),
+        pytest.param(("digit",), "cut", DIGIT, "missing", "does not open", "", marks=slow),
+        (("bhaptics_player", "--port", "0"), "no-vest", PLAYER, "missing", "has no vest connected", ""),
+    ],
+)  # fmt: skip
+def test_a_device_in_trouble(
+    tmp_path: Path, words: tuple[str, ...], said: str, settings: str, status: str, finding: str, todo: str
+) -> None:
+    with Emulator(*words) as device:
+        if said:
+            device.say(said)
+        found = only(reported(tmp_path, Template(settings).substitute(device.address)))
+        assert words[0] != "allegro_port" or not device.say("look")["servo_on"]
+    assert found.status == status
+    assert finding in found.finding
+    assert not todo or any(todo in step for step in found.todo)
 
 
 @pytest.mark.slow
@@ -60,20 +64,10 @@ def test_an_amplifier_that_hums(tmp_path: Path) -> None:
 def test_a_player_that_is_not_there(tmp_path: Path) -> None:
     with Emulator("bhaptics_player", "--port", "0") as player:
         port = player.address["port"]
-    finding = only(reported(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n'))
+    finding = only(reported(tmp_path, Template(PLAYER).substitute(port=port)))
     assert finding.status == "missing"
     assert "cannot be reached" in finding.finding
     assert "start the bHaptics Player" in finding.todo[0]
-
-
-def test_a_player_without_a_vest(tmp_path: Path) -> None:
-    with Emulator("bhaptics_player", "--port", "0") as player:
-        player.say("no-vest")
-        port = player.address["port"]
-        finding = only(
-            reported(tmp_path, f'[vest]\ndriver = "bhaptics-player"\noptions = {{ port = {port} }}\n')
-        )
-    assert "has no vest connected" in finding.finding
 
 
 def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> None:
@@ -96,26 +90,7 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("fault", "status", "text"), [("black", "error", "black"), ("cut", "missing", "does not open")]
-)
-def test_a_camera_in_trouble(tmp_path: Path, fault: str, status: str, text: str) -> None:
-    with Emulator("digit") as camera:
-        camera.say(fault)
-        finding = only(
-            reported(
-                tmp_path,
-                f'[tactile.thumb]\ndriver = "digit"\noptions = {{ source = "{camera.address["source"]}" }}\n',
-            )
-        )
-    assert finding.status == status
-    assert text in finding.finding
-
-
-@pytest.mark.slow
 def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Path) -> None:
-    import numpy as np
-
     np.save(tmp_path / "gel.npy", np.zeros((240, 320, 3), np.uint8))
     with Emulator("digit", "--rate-hz", "15") as camera:
         examination = reported(

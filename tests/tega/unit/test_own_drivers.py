@@ -20,9 +20,9 @@ from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.maxima import emg_conditions
 from tega.loop.session import run_session
 from tega.runtime import features as plugins
-from tega.runtime.guide import Bar, Undecided
 from tega.setup.calibration.sitting import Times
 from tega.setup.calibration.steps_emg import MuscleSteps
+from tega.ui.cli.guide import LineGuide
 
 _RATE_HZ = 500.0
 
@@ -153,30 +153,12 @@ def test_a_hand_that_says_nothing_of_itself_is_run_all_the_same(tmp_path: Path) 
     assert not any("hand" in alert for alert in alerts_of(tmp_path, "plain-hand"))
 
 
-class Alone:
-    """A guide of whom nobody hears."""
-
-    def __init__(self) -> None:
-        self.said: list[str] = []
-
-    def part(self, title: str, why: str) -> None: ...
-    def ready(self, prompt: str) -> None: ...
-    def show(self, prompt: str, bars: list[Bar], left_s: float | None) -> None: ...
-
-    def say(self, text: str, **_tone: str) -> None:
-        self.said.append(text)
-
-    def ask(self, _question: str, _answers: dict[str, str]) -> str:
-        raise Undecided
-
-
-def test_the_converters_limits_of_others_are_used_in_calibration() -> None:
-    guide: Any = Alone()
+def test_the_converters_limits_of_others_are_used_in_calibration(capsys: pytest.CaptureFixture[str]) -> None:
     source: Any = OwnAmplifier(Options())
-    chain = emg_conditions(source, "raw")
+    guide = LineGuide(yes=True, get_ready_s=0.0)
     with source, pytest.raises(CalibrationError):
-        MuscleSteps(source, chain, guide, Times(rest_s=0.8)).rest()
-    assert any("at the converter's limit" in message for message in guide.said), guide.said
+        MuscleSteps(source, emg_conditions(source, "raw"), guide, Times(rest_s=0.8)).rest()
+    assert "at the converter's limit" in capsys.readouterr().err
 
 
 def test_what_a_driver_has_not_is_taken_as_the_table_says() -> None:

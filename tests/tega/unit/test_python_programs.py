@@ -32,17 +32,26 @@ OTHER_PROGRAMS = {
 """What starts a program that is not Python."""
 
 
+def dotted(node: ast.expr) -> str:
+    """Return a name with dots, such as ``subprocess.run``; ``""`` for anything else but what ends with one."""
+    if isinstance(node, ast.Attribute):
+        return f"{dotted(node.value)}.{node.attr}"
+    return node.id if isinstance(node, ast.Name) else ""
+
+
 def started(path: Path) -> list[str]:
     """Return what a file of Python starts otherwise than by `python_command`, `python_environment` and the like."""
     text = path.read_text(encoding="utf-8")
     if not HINTS.search(text):
         return []
     tree = ast.parse(text)
-    calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-    called = {ast.unparse(call.func).rpartition(".")[2] for call in calls}
+    calls = {
+        node: name for node in ast.walk(tree) if isinstance(node, ast.Call) if (name := dotted(node.func))
+    }
+    called = {name.rpartition(".")[2] for name in calls.values()}
     found = []
     for node in ast.walk(tree):
-        if isinstance(node, ast.Attribute) and ast.unparse(node) == "sys.executable":
+        if isinstance(node, ast.Attribute) and dotted(node) == "sys.executable":
             found.append(f"{node.lineno}: names sys.executable")
         if isinstance(node, ast.ImportFrom) and node.module == "sys":
             found.append(f"{node.lineno}: imports from sys")
@@ -53,8 +62,8 @@ def started(path: Path) -> list[str]:
                 found.append(f"{node.lineno}: names {named}")
     found += [
         f"{call.lineno}: starts without python_environment"
-        for call in calls
-        if STARTS.fullmatch(ast.unparse(call.func)) and "python_environment" not in called
+        for call, name in calls.items()
+        if STARTS.fullmatch(name) and "python_environment" not in called
     ]
     imports = [node for node in ast.walk(tree) if isinstance(node, ast.Import | ast.ImportFrom)]
     words = {word for node in imports for word in re.findall(r"\w+", ast.unparse(node))}
