@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,6 +21,7 @@ from hazards.bench import Lab, closed, column, lab
 pytestmark = pytest.mark.slow
 
 RUN = [sys.executable, "-m", "tega.ui.cli", "run"]
+whole = partial(lab, emg=True, hand=True, vest=True, fingers=("thumb",))
 
 
 def start(made: Lab, *, largest_file: int = resource.RLIM_INFINITY) -> subprocess.Popen[bytes]:
@@ -45,7 +47,7 @@ def start(made: Lab, *, largest_file: int = resource.RLIM_INFINITY) -> subproces
     [(signal.SIGINT, "Ctrl-C"), (signal.SIGTERM, "SIGTERM"), (signal.SIGHUP, "SIGHUP")],
 )
 def test_a_signal_stops_and_leaves_all_safe(tmp_path: Path, number: signal.Signals, reason: str) -> None:
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+    with whole(tmp_path) as made:
         running = start(made)
         running.send_signal(number)
         out, _ = running.communicate(timeout=60)
@@ -60,7 +62,7 @@ def test_a_signal_stops_and_leaves_all_safe(tmp_path: Path, number: signal.Signa
 
 
 def test_impatience_stops_as_well(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+    with whole(tmp_path) as made:
         running = start(made)
         while running.poll() is None:
             running.send_signal(signal.SIGINT)
@@ -73,7 +75,7 @@ def test_impatience_stops_as_well(tmp_path: Path) -> None:
 
 
 def test_a_key_stops(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+    with whole(tmp_path) as made:
         master, slave = pty.openpty()
         words = [*RUN, str(made.write_settings())]
         running = subprocess.Popen(words, stdin=slave, stderr=slave, stdout=subprocess.PIPE)
@@ -100,9 +102,7 @@ def test_a_key_stops(tmp_path: Path) -> None:
 
 
 def test_the_set_time_stops(tmp_path: Path) -> None:
-    with lab(
-        tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",), session={"duration_s": 3.0}
-    ) as made:
+    with whole(tmp_path, session={"duration_s": 3.0}) as made:
 
         def script() -> None:
             made.until(lambda: made.state == "stopped")
@@ -121,7 +121,7 @@ def test_an_error_in_the_program_stops(tmp_path: Path) -> None:
         if felt:
             raise ZeroDivisionError("a mistake")
 
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+    with whole(tmp_path) as made:
 
         def script() -> None:
             made.until(lambda: column(made, 0) and closed(made))
@@ -137,7 +137,7 @@ def test_an_error_in_the_program_stops(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_run_leaves_all_safe(tmp_path: Path, how: signal.Signals) -> None:
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+    with whole(tmp_path) as made:
         running = start(made)
         running.send_signal(how)
         made.until(made.at_rest)
@@ -145,14 +145,7 @@ def test_a_killed_or_frozen_run_leaves_all_safe(tmp_path: Path, how: signal.Sign
 
 
 def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:
-    with lab(
-        tmp_path,
-        emg=True,
-        hand=True,
-        vest=True,
-        fingers=("thumb",),
-        session={"out_dir": str(tmp_path / "out")},
-    ) as made:
+    with whole(tmp_path, session={"out_dir": str(tmp_path / "out")}) as made:
         running = start(made, largest_file=100_000)
         table = tmp_path / "out" / "can.csv"
         made.until(lambda: table.stat().st_size >= 100_000)

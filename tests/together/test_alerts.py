@@ -82,13 +82,10 @@ def test_a_latency_over_its_budget_is_an_alert(tmp_path: Path) -> None:
 def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made:
 
-        def kill() -> None:
-            (pid,) = begun_by(os.getpid(), "tega.recording.recorder_program")
-            os.kill(pid, signal.SIGKILL)
-
         def script() -> None:
             made.until(lambda: made.state == "active")
-            kill()
+            (pid,) = begun_by(os.getpid(), "tega.recording.recorder_program")
+            os.kill(pid, signal.SIGKILL)
             made.until(lambda: "recorder's process ended" in made.said())
 
         made.run(script)
@@ -107,17 +104,13 @@ def test_an_electrode_that_moved_is_an_alert(tmp_path: Path) -> None:
     maxima = EmgMaxima(
         kind="raw", rate_hz=float(rate_hz), tau=100, channels=("ch1", "ch2"), maxima=(100.0, 100.0)
     )
-    calibration = Calibration(preset="live", origin="a test", emg=maxima)
-    save_calibration(calibration, tmp_path / "c.toml")
+    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), tmp_path / "c.toml")
+    options = {"file": "emg.npy", "rate_hz": float(rate_hz)}
     tree = {
         "session": {"pace": "fast"},
-        "calibration": {"file": str(tmp_path / "c.toml")},
-        "emg": {
-            "driver": "emg-file",
-            "kind": "raw",
-            "options": {"file": str(tmp_path / "emg.npy"), "rate_hz": float(rate_hz)},
-        },
-        "recording": {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0},
+        "calibration": {"file": "c.toml"},
+        "emg": {"driver": "emg-file", "kind": "raw", "options": options},
+        "recording": {"dir": "recorded", "stop_free_mib": 0.0},
     }
     summary = run_session(check_tree(tree, {}, base=tmp_path).config)
     assert any("moved" in text for text in recorded(summary, tmp_path / "recorded"))

@@ -9,6 +9,7 @@ import pytest
 
 from reference import bad_features
 from reference.bad_features import RECORDS, Install, checked
+from reference.command import call
 from tega.config import SessionConfig
 from tega.errors import ConfigError, FeatureError
 from tega.records import types
@@ -211,11 +212,9 @@ def test_a_format_with_an_option_that_is_taken_is_left_out(
     code = "from tega.ui.cli.export_format import ExportFormat\n"
     code += f"ODD = ExportFormat((click.Option([{option!r}]),), print)"
     install("formats={'odd': 'tega_load.members:ODD'}", code)
-    with pytest.raises(SystemExit):
-        command_line.main(["recording", "export", "--help"])
-    shown = capsys.readouterr()
-    assert f"format 'odd' is left out: recording export has an option {option} already" in shown.err
-    assert sum(line.startswith(f"  {option} ") for line in shown.out.splitlines()) == 1
+    out, err = call(capsys, "recording", "export", "--help")
+    assert f"format 'odd' is left out: recording export has an option {option} already" in err
+    assert sum(line.startswith(f"  {option} ") for line in out.splitlines()) == 1
 
 
 @pytest.mark.parametrize("verb", ["load", "emg load"])
@@ -226,32 +225,23 @@ def test_an_error_in_a_verb_names_its_package(
         f"verbs={{{verb!r}: Verb('tega_load.members:verb', 'Loads.', 'Examine')}}",
         "@click.command()\ndef verb(): click.open_file(None)",
     )
-    with pytest.raises(SystemExit) as ended:
-        command_line.main(verb.split())
-    assert ended.value.code == 1
-    assert "report it to the authors of tega-load" in capsys.readouterr().err
+    _, err = call(capsys, *verb.split(), code=1)
+    assert "report it to the authors of tega-load" in err
 
 
 def test_help_imports_no_verb_and_a_bad_one_is_named(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install("verbs={'emg load': Verb('tega_load.members:odd', 'Loads it all.')}", "odd = 'text'")
-    with pytest.raises(SystemExit) as ended:
-        command_line.main(["emg", "--help"])
-    assert ended.value.code == 0
-    assert "Loads it all." in capsys.readouterr().out
+    assert "Loads it all." in call(capsys, "emg", "--help")[0]
     assert "tega_load.members" not in sys.modules
-    with pytest.raises(SystemExit) as ended:
-        command_line.main(["emg", "load"])
-    assert ended.value.code == 1
-    assert "'load': tega_load.members:odd is 'text', not a click command" in capsys.readouterr().err
+    _, err = call(capsys, "emg", "load", code=1)
+    assert "'load': tega_load.members:odd is 'text', not a click command" in err
 
 
 def test_a_bad_format_is_named_and_the_tables_are_there(
     install: Install, capsys: pytest.CaptureFixture[str]
 ) -> None:
     install("formats={'loads': 'tega_load.members:odd'}", "odd = 'text'")
-    with pytest.raises(SystemExit) as ended:
-        command_line.main(["recording", "export", "--help"])
-    assert ended.value.code == 0
-    assert "format 'loads' is left out: feature 'load': tega_load.members:odd" in capsys.readouterr().err
+    _, err = call(capsys, "recording", "export", "--help")
+    assert "format 'loads' is left out: feature 'load': tega_load.members:odd" in err

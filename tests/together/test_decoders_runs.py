@@ -12,23 +12,16 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 
 from reference.played import EMG_HZ
 from reference.sessions import attached, tree
+from reference.wizard import teleop
 from tega.config import check_tree
 from tega.config.calibration.records import utc_now, write_record
 from tega.devices.base import EmgChunk
 from tega.errors import CalibrationError
 from tega.loop import run_session
 from tega.recording.replay import replay_file
-from tega.ui.cli.main import main
 from tega_learn.decoders import LearnedDecoder
 from tega_learn.logs import PracticeRecord, read_tracked
 from tega_practice.tracking import Curve, keep_tracked, tracked_samples
-
-
-def teleop(*words: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(words))
-    code: int = ended.value.code  # type: ignore[assignment]
-    return code
 
 
 def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float = 40.0) -> Path:
@@ -43,23 +36,11 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
         part = emg[first : first + size]
         chunks.append(EmgChunk(10**9 + round((first + len(part)) / rate_hz * 1e9), 700 + first, part))
     record = folder / "20261122-150405.toml"
-    write_record(
-        PracticeRecord(
-            person="p01",
-            device="d",
-            driver="synthetic-emg",
-            made=utc_now(),
-            preset="live",
-            seed=1,
-            duration_s=seconds,
-            in_target_percent=50.0,
-            rms_error_levels=0.5,
-            kind="raw",
-            rate_hz=rate_hz,
-            channels=names,
-        ),
-        record,
-    )
+    kept = PracticeRecord(
+        person="p01", device="d", driver="synthetic-emg", made=utc_now(), preset="live", seed=1, kind="raw",
+        duration_s=seconds, in_target_percent=50.0, rms_error_levels=0.5, rate_hz=rate_hz, channels=names,
+    )  # fmt: skip
+    write_record(kept, record)
     keep_tracked(tracked_samples(chunks, curve, rate_hz=rate_hz, start_ns=10**9), record)
     found, _ = read_tracked(record)
     assert np.array_equal(found.samples, emg)
@@ -130,7 +111,7 @@ def test_decoders_are_compared_on_what_a_person_practised(
 def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     rng = np.random.default_rng(1)
-    closure = np.tile(np.repeat([0.0, 1.0, 0.0, 0.5], 400), 5)
+    closure = np.tile(np.repeat([0.0, 1.0, 0.0, 0.5], 400), 3)
     emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
     file = tmp_path / "log.npy"
     np.save(file, np.column_stack([emg, closure]))
@@ -146,10 +127,8 @@ def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.Capt
     for name, value in (("rest", 0), ("close", 1)):
         np.save(tmp_path / f"{name}.npy", emg[closure == value][:800])
     one = f"{tmp_path}/rest.npy=0,{tmp_path}/close.npy=1"
-    assert (
-        teleop("emg", "compare", f"{one},{one},{one}", "--rate-hz", "200", "--decoders", "learned", "--json")
-        == 0
-    )
+    words = ["emg", "compare", f"{one},{one}", "--rate-hz", "200"]
+    assert teleop(*words, "--decoders", "learned", "--json") == 0
     assert all(row["balanced_accuracy"] > 0.9 for row in json.loads(capsys.readouterr().out))
     # Another day: trained on the first, ten seconds of the new one put all to it, and the rest is judged.
     for name, value in (("rest9", 0), ("close9", 1)):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from reference.command import call
 from reference.kept import NOW, muscles, touch, worn
 from tega.config import load_config
 from tega.config.calibration import Calibration, EmgMaxima, save_calibration
@@ -16,7 +17,6 @@ from tega.config.calibration.records import write_record
 from tega.config.person import driver_settings
 from tega.setup.doctor.findings import Finding
 from tega.setup.doctor.settings import check_calibration
-from tega.ui.cli.main import main
 
 SETTINGS = """
 [tactile.thumb]
@@ -148,8 +148,8 @@ def test_the_verb_takes_a_person(lab: Path, capsys: pytest.CaptureFixture[str]) 
         '[tactile.thumb]\ndriver = "digit"\noptions = { serial = "D20641" }\n', encoding="utf-8"
     )
     CalibrationFolder(lab / "calibrations").keep(touch(made=datetime.now(UTC)))
-    with pytest.raises(SystemExit) as ended:
-        main(["doctor", str(lab / "lab.toml"), "--person", "p01", "--json"])
-    assert ended.value.code == 3  # there is no sensor here
-    findings = {f["check"]: f for f in json.loads(capsys.readouterr().out)["findings"]}
+    out, _ = call(
+        capsys, "doctor", lab / "lab.toml", "--person", "p01", "--json", code=3
+    )  # there is no sensor
+    findings = {f["check"]: f for f in json.loads(out)["findings"]}
     assert findings["calibration"]["finding"] == "p01's calibration is there and fresh: thumb"

@@ -12,12 +12,6 @@ from tega.errors import ConfigError
 from tega.setup.contract.command import main as contract
 
 
-def _refused(*sets: str) -> ConfigError:
-    with pytest.raises(ConfigError) as error:
-        load_config(None, environ={}, sets=sets)
-    return error.value
-
-
 @pytest.mark.parametrize(
     ("item", "key"),
     [
@@ -27,20 +21,9 @@ def _refused(*sets: str) -> ConfigError:
     ],
 )
 def test_a_setting_of_another_table_is_suggested_whole(item: str, key: str) -> None:
-    assert _refused(item).hint == f"did you mean '{key}'?"
-
-
-@pytest.mark.parametrize(
-    ("item", "text"),
-    [
-        ("session.duration_s=five", "session.duration_s = 'five': expected a number, got text (seconds)"),
-        ("vest.threshold=five", "vest.threshold = 'five': expected a number or a list, got text"),
-        ("session.duration_s=-0.000059999999999999995", "session.duration_s = -0.00006: expected a number"),
-        ("session.pace=7", "session.pace = 7: expected text in quotes, got a whole number"),
-    ],
-)
-def test_a_wrong_value_is_shown_as_it_was_given(item: str, text: str) -> None:
-    assert text in _refused(item).message
+    with pytest.raises(ConfigError) as refused:
+        load_config(None, environ={}, sets=[item])
+    assert refused.value.hint == f"did you mean '{key}'?"
 
 
 def test_numbers_of_the_settings_have_no_rounding_noise(

@@ -8,14 +8,17 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reference.sessions import tree
+from reference.played import finger, muscles
+from reference.processes import until
 from tega.config import SessionConfig, check_tree
+from tega.config.calibration import Calibration, save_calibration
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, ShapeError, TegaError
 from tega.haptics import vest_frame
 from tega.loop.program import ProgramHand, ProgramSession, session
@@ -25,12 +28,27 @@ from tega.runtime.clock import ManualClock
 from tega.runtime.files.toml_text import tree_text
 from tega_emulators.lab import emulated_lab
 
+SECONDS = 1.5
 
-def settings(folder: Path, **more: Any) -> SessionConfig:
-    """Return recorded input, and a vest and a hand that write what they are sent into files."""
-    written = tree(folder / "session")
-    written["vest"] = {"driver": "vest-recorder", "options": {"file": str(folder / "vest.csv")}}
-    written["hand"] = {"driver": "can-recorder", "options": {"file": str(folder / "can.csv")}}
+
+def outputs(folder: Path) -> dict[str, Any]:
+    """Return the settings of a vest and a hand that write what they are sent into files."""
+    return {
+        "vest": {"driver": "vest-recorder", "options": {"file": str(folder / "vest.csv")}},
+        "hand": {"driver": "can-recorder", "options": {"file": str(folder / "can.csv")}},
+    }
+
+
+def settings(folder: Path, *, recorded: bool = False, **more: Any) -> SessionConfig:
+    """Return small pictures and EMG from files, and outputs into files."""
+    written = {
+        "session": {"pace": "fast"},
+        "tactile": {"thumb": finger(SECONDS, 0, (40, 32)), "ring": finger(1.0, 3, (40, 32))},
+        "emg": muscles(SECONDS),
+        **outputs(folder),
+    }
+    if recorded:
+        written["recording"] = {"dir": str(folder / "session"), "lossless": True, "stop_free_mib": 0.0}
     for name, table in more.items():
         written[name] = written.get(name, {}) | table
     return check_tree(written, {}, base=Path.cwd()).config
@@ -62,8 +80,7 @@ def test_a_program_receives_every_moment_of_a_recorded_session(tmp_path: Path) -
 
 
 def test_what_a_program_sends_is_recorded_and_verified(tmp_path: Path) -> None:
-    config = settings(tmp_path)
-    with session(config) as s:
+    with session(settings(tmp_path, recorded=True)) as s:
         for k, snapshot in enumerate(s):
             if 10 <= k < 20:
                 s.vest.send(np.full(40, 70.0))
@@ -86,21 +103,12 @@ def test_what_a_program_sends_is_recorded_and_verified(tmp_path: Path) -> None:
 
 
 def test_a_program_sends_without_any_sensor(tmp_path: Path) -> None:
-    config = check_tree(
-        {
-            "session": {"pace": "fast", "duration_s": 1.0},
-            "vest": {
-                "driver": "vest-recorder",
-                "layout": "x16",
-                "options": {"file": str(tmp_path / "vest.csv")},
-            },
-            "hand": {"driver": "can-recorder", "options": {"file": str(tmp_path / "can.csv")}},
-            "calibration": {"file": str(_calibration(tmp_path))},
-        },
-        {},
-        base=tmp_path,
-    ).config
-    with session(config) as s:
+    calibration = tmp_path / "calibration.toml"
+    save_calibration(Calibration(preset="live", origin="none"), calibration)
+    written = outputs(tmp_path) | {"session": {"pace": "fast", "duration_s": 1.0}}
+    written["calibration"] = {"file": str(calibration)}
+    written["vest"]["layout"] = "x16"
+    with session(check_tree(written, {}, base=tmp_path).config) as s:
         for _ in s:
             s.vest.send(vest_frame([100] * 4, [0] * 4, layout="x16"))
             s.hand.level(5)
@@ -112,42 +120,19 @@ def test_a_program_sends_without_any_sensor(tmp_path: Path) -> None:
     assert silent(tmp_path)
 
 
-def _calibration(folder: Path) -> Path:
-    from tega.config.calibration import Calibration, save_calibration
-
-    path = folder / "calibration.toml"
-    save_calibration(Calibration(preset="live", origin="none"), path)
-    return path
-
-
-@pytest.mark.parametrize("route", ["exception", "break", "interrupt", "return"])
-def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, route: str) -> None:
-    config = settings(tmp_path)
-
-    def follow(s: ProgramSession) -> None:
+@pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, None])
+def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, error: type[BaseException] | None) -> None:
+    s = session(settings(tmp_path))
+    with pytest.raises(error) if error else nullcontext(), s:
         for k, _ in enumerate(s):
             s.vest.send(np.full(40, 60))
             s.hand.level(5)
             if k == 3:
-                if route == "exception":
-                    raise ZeroDivisionError
-                if route == "interrupt":
+                if error is KeyboardInterrupt:
                     signal.raise_signal(signal.SIGINT)
-                if route == "return":
-                    return
+                if error:
+                    raise error
                 break
-
-    expected: type[BaseException] | None = {
-        "exception": ZeroDivisionError,
-        "interrupt": KeyboardInterrupt,
-    }.get(route)
-    s = session(config)
-    if expected is None:
-        with s:
-            follow(s)
-    else:
-        with pytest.raises(expected), s:
-            follow(s)
     assert silent(tmp_path)
     assert s.summary["ended"] == "stopped"
     assert not s._thread.is_alive()
@@ -164,7 +149,7 @@ def test_a_program_s_levels_reach_from_1_to_5_and_lapse() -> None:
 
 
 def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> None:
-    with session(settings(tmp_path)) as s:
+    with session(settings(tmp_path, recorded=True)) as s:
         next(s)
         for level in (0.9, 5.1, float("nan"), float("inf")):
             with pytest.raises(InvalidValueError, match="1 to 5"):
@@ -184,8 +169,9 @@ def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> No
 
 
 def test_a_session_without_vest_or_hand_says_so(tmp_path: Path) -> None:
-    config = check_tree(tree(tmp_path / "session"), {}, base=Path.cwd()).config
-    with session(config) as s:
+    with session(
+        settings(tmp_path, vest={"driver": None, "options": {}}, hand={"driver": None, "options": {}})
+    ) as s:
         with pytest.raises(DeviceUnavailableError, match="no vest"):
             s.vest.send(np.zeros(40))
         with pytest.raises(DeviceUnavailableError, match="no hand"):
@@ -203,25 +189,21 @@ def test_a_device_that_cannot_be_opened_is_the_error_of_the_with_statement(tmp_p
         pytest.fail("the block was entered")
 
 
-def test_a_session_is_used_once_and_in_a_with_statement(tmp_path: Path) -> None:
-    s = session(settings(tmp_path))
-    with pytest.raises(InvalidValueError, match="with statement"):
-        next(s)
-    with s:
-        next(s)
-    with pytest.raises(InvalidValueError, match="has been used"):
-        s.__enter__()
-    assert silent(tmp_path)
-
-
-def test_settings_are_read_from_a_file(tmp_path: Path) -> None:
+def test_settings_are_read_from_a_file_and_a_session_is_used_once_in_a_with_statement(
+    tmp_path: Path,
+) -> None:
     path = tmp_path / "lab.toml"
     path.write_text(
         '[session]\npace = "fast"\n[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { duration_s = 0.5 }\n'
     )
-    with session(path, sets=("vest.layout=x16",)) as s:
+    s = session(path, sets=("vest.layout=x16",))
+    with pytest.raises(InvalidValueError, match="with statement"):
+        next(s)
+    with s:
         assert s.config.vest.layout == "x16"
         assert next(s).t_ns == 0
+    with pytest.raises(InvalidValueError, match="has been used"):
+        s.__enter__()
     with pytest.raises(ConfigError):
         session(s.config, sets=("vest.layout=x16",))
 
@@ -252,9 +234,7 @@ def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path,
             follow(s)
         assert seen == [True, True]
         assert lab.limp()
-        until_s = time.monotonic() + 10
-        while not lab.at_rest():
-            assert time.monotonic() < until_s
+        until(lab.at_rest)
     recording = open_recording(tmp_path / "session")
     assert max(max(frame.intensities, default=0) for frame in recording["/vest/program"]) == 50
     exchanges = recording["/hand/bus"].to_numpy()  # its records have the machine's clock
@@ -282,15 +262,9 @@ def test_a_program_that_is_killed_lets_go_of_the_hand_and_the_vest_rests(tmp_pat
         environment = os.environ | lab.environment | {"PYTHONPATH": os.pathsep.join(sys.path)}
         program = subprocess.Popen([sys.executable, "-c", _PROGRAM, str(path)], env=environment)
         try:
-            until_s = time.monotonic() + 120
-            while lab.limp() or lab.at_rest():
-                assert program.poll() is None
-                assert time.monotonic() < until_s
-                time.sleep(0.05)
+            until(lambda: program.poll() is not None or not (lab.limp() or lab.at_rest()))
+            assert program.poll() is None
         finally:
             program.kill()
             program.wait()
-        until_s = time.monotonic() + 10
-        while not (lab.limp() and lab.at_rest()):
-            assert time.monotonic() < until_s
-            time.sleep(0.05)
+        until(lambda: lab.limp() and lab.at_rest())

@@ -16,8 +16,9 @@ import msgspec
 import pytest
 
 from reference.chromium import launched, opened
+from reference.command import call
 from reference.processes import until
-from reference.wizard import Wizard, calibrate, lab, presses, records, teleop
+from reference.wizard import Wizard, calibrate, lab, presses, records
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega_emulators.process import Emulator
@@ -25,6 +26,7 @@ from tega_emulators.process import Emulator
 pytestmark = pytest.mark.slow
 
 RESTING, WORKING = 0.04, 1.0
+P01, SECOND = ("--person", "p01"), ("--set", "session.duration_s=1")
 
 
 def thumb(sensor: Emulator, serial: str = "D20641") -> str:
@@ -75,8 +77,8 @@ class Mover:
 def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
-        assert teleop("run", str(file), "--set", "session.duration_s=1") == 1
-        assert f"hint: tega-teleop calibrate {file} --person ID" in capsys.readouterr().err
+        _, err = call(capsys, "run", file, *SECOND, code=1)
+        assert f"hint: tega-teleop calibrate {file} --person ID" in err
         wizard = calibrate(file, Presser(sensor))
         assert wizard.code == 0, wizard.said
         kept = list(records(tmp_path / "calibrations"))
@@ -88,20 +90,17 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         assert tree["live"]["cci_max"] > 10 * tree["paper"]["cci_max"] > 0
         assert wizard.reported["files"][0]["record"]["device"] == "D20641"
         sensor.say("press 1")
-        assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
-        summary = json.loads(capsys.readouterr().out)
+        summary = json.loads(call(capsys, "run", file, *P01, *SECOND, "--json")[0])
         assert summary["tactile"]["thumb"]["eda_max"] == tree["live"]["eda_max"]
         assert summary["calibration"]["file"] == "calibration of p01"
         assert not summary["calibration"]["self_calibrated"]
         assert not [note for note in summary["notes"] if "old" in note]
         # Another person, another sensor, an old record.
-        assert teleop("run", str(file), "--person", "p02") == 1
-        text = capsys.readouterr().err
-        assert "p02 has no calibration on D20641 (there is one of p01)" in text
-        assert f"hint: tega-teleop calibrate {file} --person p02 --only tactile" in text
-        other = lab(tmp_path, thumb(sensor, "D99999"))
-        assert teleop("run", str(other), "--person", "p01") == 1
-        assert "no calibration on D99999 (p01 was calibrated on D20641)" in capsys.readouterr().err
+        _, err = call(capsys, "run", file, "--person", "p02", code=1)
+        assert "p02 has no calibration on D20641 (there is one of p01)" in err
+        assert f"hint: tega-teleop calibrate {file} --person p02 --only tactile" in err
+        _, err = call(capsys, "run", lab(tmp_path, thumb(sensor, "D99999")), *P01, code=1)
+        assert "no calibration on D99999 (p01 was calibrated on D20641)" in err
 
 
 class Muscles(NamedTuple):
@@ -138,19 +137,16 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     assert all(p >= m for p, m in zip(record["paper_max"], record["live_max"], strict=True))
     assert record["answers"][1][1] == max(record["answers"][1])
     assert 500 < min(record["offset"]) < 525
-    assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
-    assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["live_max"]
-    paper = ("--set", "session.preset=paper", "--set", "session.duration_s=1", "--json")
-    assert teleop("run", str(file), "--person", "p01", *paper) == 0
-    assert json.loads(capsys.readouterr().out)["emg"]["maxima"] == record["paper_max"]
+    for preset in ("live", "paper"):
+        words = ("run", file, *P01, *SECOND, "--set", f"session.preset={preset}", "--json")
+        assert json.loads(call(capsys, *words)[0])["emg"]["maxima"] == record[f"{preset}_max"]
     command = f"hint: tega-teleop calibrate {file} --person p01 --only emg"
     for change, text in (
         ("emg.options.channels=[1,2]", "with channels = ch1, ch2, ch3, the settings have ch1, ch2"),
         ("emg.kind=rectified", "with kind = raw, the settings have rectified"),
         ("emg.options.bits=12", "settings = bits=10, columns=3, leading=0, the settings have"),
     ):
-        assert teleop("run", str(file), "--person", "p01", "--set", change) == 1
-        err = capsys.readouterr().err
+        _, err = call(capsys, "run", file, *P01, "--set", change, code=1)
         assert text in err
         assert command in err
     made = utc_now() - timedelta(hours=30)
@@ -159,9 +155,8 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     old = folder.record("p01", EmgRecord, path.stem.removeprefix("emg-"))
     assert old is not None
     write_record(msgspec.structs.replace(old, made=made), path)
-    assert teleop("run", str(file), "--person", "p01", "--set", "session.duration_s=1", "--json") == 0
-    came = capsys.readouterr()
-    (note,) = [n for n in json.loads(came.out)["notes"] if "old" in n]
+    out, _ = call(capsys, "run", file, *P01, *SECOND, "--json")
+    (note,) = [n for n in json.loads(out)["notes"] if "old" in n]
     assert note == (
         f"EMG: 30 hours old, warned of after 12 hours: tega-teleop calibrate {file} --person p01 --refresh"
     )
@@ -262,9 +257,7 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     assert changed.code == 1
     assert "times its signal at the calibration" in changed.said
     board.say(f"effort {RESTING}")
-    tracked = Wizard(
-        ["practice", str(file), "--person", "p01", "--seconds", "10", "--json"], lambda _prompt: ""
-    )
+    tracked = Wizard(["practice", str(file), *P01, "--seconds", "10", "--json"], lambda _prompt: "")
     assert tracked.run() == 0, tracked.said
     # Hand at rest all the time: right only while the curve asks for level 1.
     assert 20 < tracked.reported["in_target_percent"] < 70
@@ -279,23 +272,14 @@ def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Mus
     calibrated.board.say(f"effort {RESTING}")
     reported = []
     for decoder in ("rules", "proportional"):
-        words = ["--movements", "1", "--dwell-s", "0.3", "--timeout-s", "0.5"]
-        tested = Wizard(
-            [
-                *(
-                    "emg",
-                    "fitts",
-                    str(file),
-                    "--person",
-                    "p01",
-                    "--json",
-                    "--set",
-                    f"stages.decoder.name={decoder}",
-                ),
-                *words,
-            ],
-            lambda _prompt: "",
-        )
+        words = [
+            "--movements=1",
+            "--dwell-s=0.3",
+            "--timeout-s=0.5",
+            "--set",
+            f"stages.decoder.name={decoder}",
+        ]
+        tested = Wizard(["emg", "fitts", str(file), *P01, "--json", *words], lambda _prompt: "")
         assert tested.run() == 0, tested.said
         reported.append(tested.reported)
     # Six distances and widths, once each; whatever the rest twitches, nobody squeezed to level 3.
@@ -310,7 +294,7 @@ def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> 
     words = ["--movements=1", "--dwell-s=0.3", "--timeout-s=2", "--view", "--view-port=0", "--json"]
     # The browser first, since the test is skipped where there is none.
     with launched() as browser, ThreadPoolExecutor(1) as pool:
-        tested = Wizard(["emg", "fitts", str(file), "--person", "p01", *words], lambda _prompt: "")
+        tested = Wizard(["emg", "fitts", str(file), *P01, *words], lambda _prompt: "")
         running = pool.submit(tested.run)
         until(lambda: any(line.startswith("http") for line in tested.lines) or running.done())
         address = next(line for line in tested.lines if line.startswith("http"))

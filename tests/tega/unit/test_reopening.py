@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
+from collections.abc import Callable
 from typing import Any
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
 
-import tega
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, TactileFrame
 from tega.errors import DeviceUnavailableError
@@ -30,21 +29,13 @@ class Rests:
         return len(self.s) > self.most
 
 
-def failing(n: int, error: Exception) -> Iterator[Callable[[], str]]:
-    left = [n]
-
-    def opened() -> str:
-        left[0] -= 1
-        if left[0] >= 0:
-            raise error
-        return "link"
-
-    yield opened
+def failing(n: int, error: Exception) -> Callable[[], str]:
+    return Mock(side_effect=[*[error] * n, *["link"] * 9])
 
 
 def test_rests_grow_to_the_longest_and_begin_anew_once_it_worked() -> None:
     rests, again, reported = Rests(), Reopening(0.25, 2.0), list[str]()
-    (opened,) = failing(5, DeviceUnavailableError("away"))
+    opened = failing(5, DeviceUnavailableError("away"))
     link = again.open(opened, rests, absent=DeviceUnavailableError, refused=lambda e: reported.append(str(e)))
     assert link == "link"
     assert reported == ["away"] * 5
@@ -55,26 +46,25 @@ def test_rests_grow_to_the_longest_and_begin_anew_once_it_worked() -> None:
 
 
 def test_an_error_that_says_nothing_of_absence_is_not_swallowed() -> None:
-    (opened,) = failing(1, ValueError("a fault of ours"))
+    opened = failing(1, ValueError("a fault of ours"))
     with pytest.raises(ValueError, match="a fault of ours"):
         Reopening(0.1, 1.0).open(opened, Rests(), absent=DeviceUnavailableError)
 
 
 def test_a_device_is_used_let_go_of_and_opened_again_until_it_is_not_wanted() -> None:
     rests, done = Rests(3), list[str]()
-    (opened,) = failing(1, OSError("away"))
+    opened = failing(1, OSError("away"))
 
     def use(link: str) -> bool:
         done.append(f"use {link}")
         return link == "first"
 
-    closed: Callable[[str], None] = lambda link: done.append(f"close {link}")  # noqa: E731  # one word a line
-    Reopening(0.25, 2.0).serve("first", opened, use, closed, rests, absent=OSError)
-    assert (
-        done == ["use first", "close first", "use link", "close link", "use link", "close link"][: len(done)]
+    Reopening(0.25, 2.0).serve(
+        "first", opened, use, lambda link: done.append(f"close {link}"), rests, absent=OSError
     )
-    assert rests.s[:2] == [0.25, 0.5]
+    assert done[:4] == ["use first", "close first", "use link", "close link"]
     assert done[-1] == "close link"
+    assert rests.s[:2] == [0.25, 0.5]
 
 
 def test_a_device_is_let_go_of_whatever_its_use_ends_with() -> None:
@@ -124,14 +114,3 @@ def test_a_camera_that_goes_away_is_opened_again_as_an_amplifier_is() -> None:
     stream = measured_contacts(source, meter)
     assert [next(stream).t_ns for _ in range(7)] == [1, 2, 3, 1, 2, 3, 1]
     assert (camera.n_opened, report.n_lost, report.lost, report.n_missing) == (2, 2, "", 0)
-
-
-def test_no_driver_paces_its_tries_by_itself() -> None:
-    package = Path(tega.__file__).parent
-    own = [
-        str(file.relative_to(package))
-        for folder in ("devices", "inbox")
-        for file in (package / folder).rglob("*.py")
-        if any(sign in file.read_text("utf-8") for sign in ("2 * back_off", "2 * retry", "_reopen_ns"))
-    ]
-    assert own == []
