@@ -111,7 +111,7 @@ def test_decoders_are_compared_on_what_a_person_practised(
 def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="matplotlib is not installed")
     rng = np.random.default_rng(1)
-    closure = np.tile(np.repeat([0.0, 1.0, 0.0, 0.5], 400), 3)
+    closure = np.tile(np.repeat([0.0, 1.0, 0.0, 0.5], 400), 4)
     emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
     file = tmp_path / "log.npy"
     np.save(file, np.column_stack([emg, closure]))
@@ -127,7 +127,7 @@ def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.Capt
     for name, value in (("rest", 0), ("close", 1)):
         np.save(tmp_path / f"{name}.npy", emg[closure == value][:800])
     one = f"{tmp_path}/rest.npy=0,{tmp_path}/close.npy=1"
-    words = ["emg", "compare", f"{one},{one}", "--rate-hz", "200"]
+    words = ["emg", "compare", f"{one},{one},{one}", "--rate-hz", "200"]
     assert teleop(*words, "--decoders", "learned", "--json") == 0
     assert all(row["balanced_accuracy"] > 0.9 for row in json.loads(capsys.readouterr().out))
     # Another day: trained on the first, ten seconds of the new one put all to it, and the rest is judged.

@@ -14,14 +14,15 @@ from tega.runtime.child_process import python_command
 
 PROJECT = Path(__file__).resolve().parents[3]
 ROOTS = [PROJECT / name for name in ("python", "tools/campaigns", "tools/emulators")]
+_SYSTEM = r"(os|pty)\.(exec|spawn|posix_spawn|system|popen|fork)"
 STARTS = re.compile(
     r"(subprocess\.)?Popen|subprocess\.(run|call|check_call|check_output)|(.*\.)?create_subprocess_(exec|shell)"
-    r"|(os|pty)\.(exec|spawn|posix_spawn|system|popen|fork)\w*"
+    rf"|{_SYSTEM}\w*"
 )
 WORKERS = {"joblib", "multiprocessing", "ProcessPoolExecutor", "loky"}
 # A file without any of these starts nothing, and is not parsed.
 HINTS = re.compile(
-    rf"Popen|subprocess|executable|from sys|[\"']python|\b(os|pty)\.|{'|'.join(sorted(WORKERS))}"
+    rf"Popen|subprocess|executable|from sys|[\"']python|\b{_SYSTEM}|{'|'.join(sorted(WORKERS))}"
 )
 OTHER_PROGRAMS = {
     "python/tega/devices/machine.py": "ip",
