@@ -85,17 +85,9 @@ def paths_below(base: Path) -> Callable[[type, Any], Any]:
 def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) -> LoadedConfig:
     """Check a tree of settings against the schema and the drivers it names.
 
-    Args:
-        tree: Settings as nested tables.
-        origins: Where each dotted key came from.
-        base: Folder to which relative paths refer.
-
-    Returns:
-        The configuration and the origin of every value.
-
-    Raises:
-        ConfigError: A key is unknown, of a wrong type or out of range.
-        MissingExtraError: A driver it names needs a package that is not installed.
+    ``origins`` are the origins of the dotted keys, ``base`` is the folder of relative paths. Raises
+    ``ConfigError`` if a key is unknown, of a wrong type or out of range, ``MissingExtraError`` if a driver's
+    package is not installed.
     """
 
     def convert(subtree: Any, wanted: Any, prefix: str) -> Any:

@@ -36,12 +36,8 @@ from tega.stages.registry import stage_class
 def value_lines(text: str) -> dict[str, int]:
     r"""Return the line, from 1, on which the statement of each value begins.
 
-    The text is cut into its statements by the parser itself: lines are added until they parse, which a value over
-    several lines does only at its end.
-
-    Returns:
-        By dotted key; a table of an array has its number, as in ``stages.beside[0].name``. A value that shares its line
-        with others, as in an inline table, has that line.
+    The parser itself cuts the text into statements: lines are added until they parse. A table of an array has
+    its number in the key, as in ``stages.beside[0].name``.
 
     Example:
         >>> value_lines("[emg]\nkind = 'raw'\noptions = { port = 'COM3' }")
@@ -93,17 +89,9 @@ def leaves(tree: Mapping[str, Any], prefix: str = "", *, numbered: bool = True) 
 
 
 def override_tree(tree: dict[str, Any], sets: Sequence[str]) -> dict[str, str]:
-    """Put values given as text into a tree of settings.
+    """Put ``key=value`` texts, in TOML or plain, into a tree of settings; return the origin of each key, ``--set``.
 
-    Args:
-        tree: Settings as nested tables; changed in place.
-        sets: Values as ``key=value``, in TOML or plain text.
-
-    Returns:
-        Where each of the keys came from: ``--set``.
-
-    Raises:
-        ConfigError: A value is not of the form ``key=value``, or its key leads into something that is not a table.
+    ``ConfigError`` where a key leads into something that is not a table.
     """
     origins: dict[str, str] = {}
     for item in sets:
@@ -139,13 +127,11 @@ def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         text = read_words(path, error=ConfigError)
         tree, lines = parse_toml(text), value_lines(text)
     except FileNotFoundError as error:
-        raise ConfigError(
-            f"{path.name}: no such file", f"write a settings file with: tega-teleop init --out {path}"
-        ) from error
+        hint = f"write a settings file with: tega-teleop init --out {path}"
+        raise ConfigError(f"{path.name}: no such file", hint) from error
     except OSError as error:
-        raise ConfigError(
-            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
-        ) from error
+        message = f"{path.name}: cannot be read: {error.strerror or error}"
+        raise ConfigError(message, f"looked for {path}") from error
     except UnicodeDecodeError as error:
         utf16 = error.object[:2] in {b"\xff\xfe", b"\xfe\xff"}
         message = f"{path.name}: not UTF-8 text: {'it looks like UTF-16' if utf16 else error.reason}"
@@ -153,9 +139,8 @@ def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path.name}: not valid TOML: {error}", toml_hint(text, error)) from error
     if (changed := swallowed_escape(tree)) is not None:
-        raise ConfigError(
-            f"{path.name}: {changed[0]} = {changed[1]!r} has a control character in it", ESCAPES
-        )
+        key, value = changed
+        raise ConfigError(f"{path.name}: {key} = {value!r} has a control character in it", ESCAPES)
     return tree, lines
 
 
@@ -187,19 +172,10 @@ def load_config(
 ) -> LoadedConfig:
     """Load and check a session's settings.
 
-    A ``calibration.person`` among the overrides sets aside a ``calibration.file`` that is not.
-
-    Args:
-        path: The TOML file; ``None`` for the defaults alone.
-        environ: Environment variables; the process's own when ``None``.
-        sets: Overrides as ``key=value``, the value in TOML or plain text.
-
-    Returns:
-        The configuration and the origin of every value.
-
-    Raises:
-        ConfigError: The file is missing or is not TOML, or a key is unknown, of a wrong type or out of range.
-        MissingExtraError: A driver it names needs a package that is not installed.
+    ``path`` is the TOML file, ``None`` for the defaults alone; ``environ`` are environment variables, ``None``
+    for the process's own; ``sets`` are overrides as ``key=value``, the value in TOML or plain text. A
+    ``calibration.person`` among these sets aside a ``calibration.file`` that is not. Raises ``ConfigError`` if
+    the file cannot be read or a setting is wrong, ``MissingExtraError`` if a driver's package is not installed.
     """
     tree: dict[str, Any] = {}
     origins: dict[str, str] = {}
@@ -226,11 +202,7 @@ LOOP_KEYS: Final = ("vest.layout", "vest.mirror", "vest.threshold", "vest.step",
 def file_sets(path: Path) -> tuple[str, ...]:
     """Return a settings file's stages and :data:`LOOP_KEYS` as ``key=value``, for a loop that has no devices.
 
-    Args:
-        path: The TOML file; paths in it are made absolute.
-
-    Raises:
-        ConfigError: The file cannot be read, or a setting in it is unknown, of a wrong type or out of range.
+    Paths are absolute; errors are those of :func:`load_config`.
     """
     loaded = load_config(path, environ={})
     found = {
@@ -247,19 +219,10 @@ def file_sets(path: Path) -> tuple[str, ...]:
 
 
 def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = ()) -> Options:
-    """Check a driver's options outside a session, as its ``options`` table would be.
+    """Return a driver's options, checked outside a session as its ``options`` table would be.
 
-    Args:
-        name: The driver's name.
-        tree: Its options; paths are relative to the working directory.
-        sets: Further options as ``key=value``.
-
-    Returns:
-        The typed options.
-
-    Raises:
-        ConfigError: No such driver, or an option is unknown, missing, of a wrong type or out of range.
-        MissingExtraError: The driver needs a package that is not installed.
+    ``sets`` are further options as ``key=value``; paths are relative to the working directory. Errors are those
+    of :func:`load_config`.
     """
     typed: Options = _checked_options(driver_class(name).options_type, tree, sets)
     return typed
@@ -268,20 +231,7 @@ def driver_options(name: str, tree: Mapping[str, Any], *, sets: Sequence[str] = 
 def stage_options(
     group: Literal["metric", "decoder", "mapping", "reflex"], name: str, *, sets: Sequence[str] = ()
 ) -> Any:
-    """Check a stage's options outside a session, as its ``options`` table would be.
-
-    Args:
-        group: Kind of stage.
-        name: Its name.
-        sets: Options as ``key=value``; paths are relative to the working directory.
-
-    Returns:
-        The typed options.
-
-    Raises:
-        ConfigError: No such stage, or an option is unknown, missing, of a wrong type or out of range.
-        MissingExtraError: The stage needs a package that is not installed.
-    """
+    """Return a stage's options; ``sets`` and errors are those of :func:`driver_options`."""
     return _checked_options(stage_class(group, name).options_type, {}, sets)
 
 

@@ -18,7 +18,7 @@ from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
 
 _FEW = settings(
-    max_examples=8,
+    max_examples=6,
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -29,7 +29,7 @@ _FEW = settings(
 @given(
     seed=st.integers(0, 2**32 - 1),
     n_channels=st.integers(2, 5),
-    n=st.integers(260, 520),
+    n=st.integers(260, 400),
     loud=st.floats(1, 900),
 )
 def test_samples_come_back(

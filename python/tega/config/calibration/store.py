@@ -123,27 +123,16 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     format: Literal["tega-calibration"] = "tega-calibration"
     version: Literal[1] = 1
 
-    def touch(self, finger: str) -> TouchMaxima | None:
-        """Return a finger's maxima; ``None`` if it was not calibrated."""
-        return self.tactile.get(finger)
-
     def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
-        """Refuse a calibration for a run it was not made for.
+        """Refuse a calibration for a run it was not made for, with what differs; ``name`` is for the error.
 
-        Args:
-            preset: The run's preset.
-            fingers: The run's fingers.
-            emg: The run's EMG conditions (its ``maxima`` do not matter); ``None`` without EMG.
-            name: Name of this calibration in an error.
-
-        Raises:
-            CalibrationError: Something differs; the message names it and both values.
+        ``emg`` are the run's conditions (its ``maxima`` do not matter), ``None`` without EMG.
         """
         hint = "calibrate again under the conditions of this run, or run under those of the calibration"
         if self.preset != preset:
             raise CalibrationError(f"{name}: made with preset {self.preset!r}, the run uses {preset!r}", hint)
         for finger in fingers:
-            if self.touch(finger) is None:
+            if finger not in self.tactile:
                 raise CalibrationError(f"{name}: has no maxima for finger {finger!r}", hint)
         if emg is None:
             return
@@ -157,9 +146,8 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         for subject in ("kind", "rate_hz", "tau", "channels"):
             mine, theirs = getattr(self.emg, subject), getattr(emg, subject)
             if mine != theirs:
-                raise CalibrationError(
-                    f"{name}: made for emg {subject} = {mine!r}, the run has {theirs!r}", hint
-                )
+                message = f"{name}: made for emg {subject} = {mine!r}, the run has {theirs!r}"
+                raise CalibrationError(message, hint)
 
 
 _Kind = TypeVar("_Kind", bound=msgspec.Struct)
@@ -170,9 +158,8 @@ def read_toml(path: Path) -> str:
     try:
         return read_words(path, error=CalibrationError)
     except OSError as error:
-        raise CalibrationError(
-            f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
-        ) from error
+        message = f"{path.name}: cannot be read: {error.strerror or error}"
+        raise CalibrationError(message, f"looked for {path}") from error
     except UnicodeDecodeError as error:
         raise CalibrationError(f"{path.name}: damaged: {error}", "calibrate again") from error
 
@@ -201,14 +188,7 @@ def parse(text: str, wanted: type[_Kind], name: str, *, version: int | None = No
 
 
 def load_calibration(path: Path) -> Calibration:
-    """Read a calibration file.
-
-    Args:
-        path: The file.
-
-    Raises:
-        CalibrationError: It is missing, is not TOML, or a value in it is unknown, of a wrong type or out of range.
-    """
+    """Read a calibration file; errors as of :func:`parse`."""
     return parse_calibration(read_toml(path), path.name)
 
 
@@ -218,12 +198,7 @@ def parse_calibration(text: str, name: str) -> Calibration:
 
 
 def save_calibration(calibration: Calibration, path: Path) -> None:
-    """Write a calibration file; equal calibrations give equal bytes.
-
-    Args:
-        calibration: Calibration to write.
-        path: The file; it is replaced.
-    """
+    """Write a calibration file, or replace it; equal calibrations give equal bytes."""
     write_whole(path, calibration_text(calibration))
 
 
