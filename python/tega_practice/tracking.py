@@ -20,7 +20,7 @@ from tega.config import SessionConfig
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import utc_now
 from tega.config.choose import block_s, decoder_choice, muscle_decoder
-from tega.config.person import person_calibration, whose
+from tega.config.person import PersonRecords, whose
 from tega.devices.base import EmgChunk
 from tega.devices.registry import driver_class
 from tega.errors import CalibrationError, ConfigError, InvalidValueError
@@ -159,9 +159,8 @@ class MuscleLoop:
         with ExitStack() as opened:
             opened.enter_context(source)
             conditions = emg_conditions(source, self._kind, block_s=block_s(config))
-            personal = person_calibration(
-                config, {}, source, conditions, settings=self._settings, now=utc_now()
-            )
+            records = PersonRecords(config, settings=self._settings, now=utc_now())
+            personal = records.calibration({}, source, conditions)
             maxima = personal.calibration.emg
             if maxima is None:
                 raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")

@@ -170,32 +170,30 @@ class Copy:
 
 def try_all(
     guards: Sequence[Guard], *, jobs: int, patient: bool = False, done: Callable[[Tried], None]
-) -> list[Tried]:
-    """Try guards, several at once on copies of their own, and tell each; return them in their order."""
+) -> dict[Guard, Tried]:
+    """Try guards, several at once on copies of their own, and tell each; those that one test shows, in turn."""
     telling = threading.Lock()
     copies: queue.SimpleQueue[Copy] = queue.SimpleQueue()
-    wholes: dict[str, tuple[Outcome, str]] = {}
-    locks = {guard.shown_by: threading.Lock() for guard in guards}
+    groups: dict[str, list[Guard]] = {}
+    for guard in guards:
+        groups.setdefault(guard.shown_by, []).append(guard)
 
-    def one(guard: Guard) -> Tried:
-        copy = copies.get()
-        try:
-            with locks[guard.shown_by]:
-                if guard.shown_by not in wholes:
-                    wholes[guard.shown_by] = copy.run(guard.shown_by, patient=patient)
-            tried = copy.try_guard(guard, wholes[guard.shown_by], patient=patient)
-        finally:
-            copies.put(copy)
-        with telling:
-            _say(f"{tried.said} | {guard.what} | {guard.shown_by} | {tried.words}")
-            done(tried)
-        return tried
+    def try_group(shown_by: str) -> list[Tried]:
+        copy, found = copies.get(), []
+        whole = copy.run(shown_by, patient=patient)
+        for guard in groups[shown_by]:
+            found.append(tried := copy.try_guard(guard, whole, patient=patient))
+            with telling:
+                _say(f"{tried.said} | {guard.what} | {shown_by} | {tried.words}")
+                done(tried)
+        copies.put(copy)
+        return found
 
     with tempfile.TemporaryDirectory(prefix="tega-without-") as name:
         for k in range(jobs):
             copies.put(Copy(Path(name, str(k))))
         with ThreadPoolExecutor(jobs) as pool:
-            return list(pool.map(one, guards))
+            return {one.guard: one for found in pool.map(try_group, groups) for one in found}
 
 
 def _say(line: str) -> None:
@@ -204,13 +202,13 @@ def _say(line: str) -> None:
 
 def _commit() -> str:
     """Return the commit of the working tree, and whether the program or a test was changed since."""
-    words = ["git", "rev-parse", "--short=10", "HEAD"]
-    commit = subprocess.run(words, cwd=ROOT, text=True, capture_output=True, check=True).stdout.strip()
-    changed = subprocess.run(
-        ["git", "status", "--porcelain", "--", "python", "tests", "crates"],
-        cwd=ROOT, text=True, capture_output=True, check=True,
-    ).stdout.strip()  # fmt: skip
-    return f"{commit} and changes" if changed else commit
+
+    def git(*words: str) -> str:
+        done = subprocess.run(["git", *words], cwd=ROOT, text=True, capture_output=True, check=True)
+        return done.stdout.strip()
+
+    changed = git("status", "--porcelain", "--", "python", "tests", "crates")
+    return git("rev-parse", "--short=10", "HEAD") + (" and changes" if changed else "")
 
 
 _HEAD: Final = """# Guards taken out
@@ -259,7 +257,6 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--only", default="", help="a word of the name or the test")
     parser.add_argument("--third", metavar="K", help="every third only, from the K-th on; today: the day's")
-    parser.add_argument("--unseen", action="store_true", help="only what the page has not as seen to fail")
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="so many at once")
     parser.add_argument("--page", action="store_true", help="write tests/hazards/guards-seen.md")
     requested = parser.parse_args()
@@ -269,9 +266,6 @@ def main() -> int:
     if requested.third:
         third = dt.datetime.now(tz=dt.UTC).toordinal() if requested.third == "today" else int(requested.third)
         chosen = chosen[third % 3 :: 3]
-    if requested.unseen:
-        seen = {key for key, row in read_page().items() if row[3] == "fails"}
-        chosen = [guard for guard in chosen if (guard.what, guard.shown_by) not in seen]
     commit = _commit()
 
     def done(one: Tried) -> None:
@@ -280,18 +274,16 @@ def main() -> int:
 
     tried = try_all(chosen, jobs=requested.jobs, done=done)
     # Where several run at once a device may be late; what proves nothing is asked again alone.
-    again = [k for k, one in enumerate(tried) if one.said.startswith("unproven")]
-    if again:
+    if again := [guard for guard, one in tried.items() if one.said.startswith("unproven")]:
         _say(f"{len(again)} are asked again, each alone")
-        alone = try_all([chosen[k] for k in again], jobs=1, patient=True, done=done)
-        for k, one in zip(again, alone, strict=True):
-            tried[k] = one
-    missed = sum(one.said == "fails" for one in tried)
-    _say(f"commit {commit}: {missed} of {len(chosen)} guards are missed when they are taken out")
-    for one in tried:
-        if one.said != "fails":
-            _say(f"{one.said} | {one.guard.what} | {one.guard.shown_by} | {one.words}")
-    return 0 if missed == len(chosen) else 1
+        tried |= try_all(again, jobs=1, patient=True, done=done)
+    kept = [one for one in tried.values() if one.said != "fails"]
+    _say(
+        f"commit {commit}: {len(tried) - len(kept)} of {len(tried)} guards are missed when they are taken out"
+    )
+    for one in kept:
+        _say(f"{one.said} | {one.guard.what} | {one.guard.shown_by} | {one.words}")
+    return 1 if kept else 0
 
 
 if __name__ == "__main__":

@@ -100,6 +100,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("emg=3", r"emg = 3: expected a table, got a whole number"),
         ("tactile.index.driver=imags", r"no driver is called 'imags'; did you mean 'images'\?"),
         ("tactile.index.driver=emg-file", r"'emg-file' is of kind 'emg', not 'tactile'"),
+        ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
         ("session.preset.x=3", r"session\.preset is a value, not a table"),

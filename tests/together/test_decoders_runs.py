@@ -52,6 +52,7 @@ def test_tracking_teaches_a_decoder_that_a_run_uses_and_a_replay_repeats(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     settings = tree(tmp_path / "rec")
+    del settings["tactile"]
     settings["stages"] = {
         "beside": [{"group": "decoder", "name": "rules"}],
         "decoder": {"name": "learned", "options": {"model": str(tmp_path / "p01.json")}},

@@ -141,13 +141,6 @@ def test_an_event_of_any_finger_of_a_column_pulses_there() -> None:
         assert levels.reshape(2, 5, 4).max(axis=(0, 1)).tolist() == [70 * (place // 2 == k) for k in range(4)]
 
 
-def test_a_wrong_value_of_one_finger_names_it() -> None:
-    fingers = {name: {"driver": "synthetic-touch"} for name in ("thumb", "ring")}
-    fingers["ring"]["baseline"] = 3  # type: ignore[assignment]
-    with pytest.raises(ConfigError, match=r"tactile\.ring\.baseline = 3"):
-        check_tree({"tactile": fingers}, {}, base=Path.cwd())
-
-
 def test_a_finger_has_no_name_of_a_device_or_alert() -> None:
     for name in ("emg", "vest", "forearm"):
         with pytest.raises(ConfigError, match=rf"tactile\.{name}: something else in a run has that name"):

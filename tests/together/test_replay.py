@@ -6,7 +6,6 @@ import csv
 import functools
 import io
 import json
-import re
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import redirect_stderr, redirect_stdout
@@ -19,9 +18,7 @@ import numpy as np
 import pytest
 
 from reference.recordings import baseline, squeezes, write_emg_csv, write_folder, write_video
-from tega.config.calibration.store import parse_calibration
 from tega.config.choose import preset_metric
-from tega.errors import CalibrationError
 from tega.haptics import intensity
 from tega.recording.run_tables import prepare_folder
 from tega.ui.cli.main import main
@@ -188,18 +185,6 @@ def test_a_calibration_that_does_not_fit_is_refused(ran: Ran, press: list[object
         failed = replay(*press, *change, "--calibration", calibration, "--out", tmp_path, code=1)
         assert f"error: calibration.toml: {message}" in failed["stderr"]
         assert "hint: " in failed["stderr"]
-
-
-def test_a_calibration_file_with_mistakes_is_refused() -> None:
-    for text, message in (
-        ("preset = 3", "preset = 3: "),
-        ('preset = "live"\norigin = "x"\nspeed = 1', "speed: unknown key"),
-        ('preset = "live"\norigin = "x"\n[tactile.thumb]\neda_max = -3', "tactile.thumb.eda_max = -3: "),
-        ('preset = "live"\norigin = "x"\n[tactile.thumb]\neda_max = nan', "tactile.thumb.eda_max = nan: "),
-        ("[", "not valid TOML"),
-    ):
-        with pytest.raises(CalibrationError, match=re.escape(f"c.toml: {message}")):
-            parse_calibration(text, "c.toml")
 
 
 def test_touch_alone_and_muscles_alone(ran: Ran) -> None:

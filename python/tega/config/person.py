@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import msgspec
 
 from tega.config import CalibrationConfig, EmgConfig, SessionConfig
-from tega.config.calibration.folder import CalibrationFolder, Part, device_name
+from tega.config.calibration.folder import CalibrationFolder, Part, device_name, part_of
 from tega.config.calibration.records import ArmRecord, EmgRecord, TouchRecord, VestCalibration
 from tega.config.calibration.store import Calibration, EmgMaxima, TouchMaxima, refused_law
 from tega.devices.base import DeviceInfo, EmgSource, Kind, TactileSource
@@ -40,95 +40,11 @@ def calibrate_command(settings: str, person: str, part: Part | None = None, *, r
     return f"tega-teleop calibrate {settings} --person {person}{only}{' --refresh' if refresh else ''}"
 
 
-def person_calibration(
-    config: SessionConfig,
-    sources: Mapping[str, TactileSource],
-    emg: EmgSource | None,
-    conditions: EmgMaxima | None,
-    *,
-    settings: str,
-    now: datetime,
-) -> Personal:
-    """Take a person's maxima for the devices of a run; the settings must name person and folder.
-
-    The sources, by finger, and ``emg`` are open. ``conditions`` are those that the EMG's calibration depends
-    on; ``settings`` is how the settings file is named in the commands that are suggested; ``now`` is for
-    ages. Raises ``CalibrationError`` if a record is missing, or was made for another person, device or way of
-    measuring; the hint is the command to run.
-    """
-    person, folder = whose(config.calibration)
-    warnings: list[str] = []
-    fingers: dict[str, TouchMaxima] = {}
-    for finger, source in sources.items():
-        record = needed_record(
-            folder, person, TouchRecord, source.info, subject=f"finger {finger!r}", settings=settings
-        )
-        _check_size(record, source, finger, command=calibrate_command(settings, person, "touch"))
-        fingers[finger] = record.live if config.session.preset == "live" else record.paper
-        warnings += touch_warnings(config, folder, finger, record, settings=settings, now=now)
-    muscles = None
-    if emg is not None and conditions is not None and config.emg is not None:
-        record_emg = needed_record(folder, person, EmgRecord, emg.info, subject="EMG", settings=settings)
-        _check_emg(record_emg, conditions, config.emg, command=calibrate_command(settings, person, "emg"))
-        maxima = record_emg.live_max if config.session.preset == "live" else record_emg.paper_max
-        muscles = msgspec.structs.replace(conditions, maxima=maxima)
-        warnings += emg_warnings(record_emg, config, settings=settings, now=now)
-    warnings += vest_warnings(config, folder, person, settings=settings, now=now)
-    warnings += _arm_warnings(config, folder, person, settings=settings, now=now)
-    preset, name, tactile = config.session.preset, f"calibration of {person}", fingers
-    calibration = Calibration(preset=preset, origin=name, tactile=tactile, emg=muscles)
-    return Personal(calibration, name, tuple(warnings))
-
-
 def whose(config: CalibrationConfig) -> tuple[str, CalibrationFolder]:
     """Return person and folder of some settings; ``CalibrationError`` if they do not name both."""
     if config.person is None or config.folder is None:
         raise CalibrationError("no person is named", "set calibration.person, or run with --person")
     return config.person, CalibrationFolder(config.folder)
-
-
-def needed_record(
-    folder: CalibrationFolder,
-    person: str,
-    wanted: type[Any],
-    info: DeviceInfo,
-    *,
-    subject: str,
-    settings: str,
-) -> Any:
-    """Return a record that a run needs, or say what there is instead."""
-    part: Part = "touch" if wanted is TouchRecord else "emg"
-    command = calibrate_command(settings, person, part)
-    if not info.live:
-        raise CalibrationError(
-            f"{subject}: {info.label} is not a live device, so {person} has no calibration for it",
-            "leave calibration.person out, or name calibration.file",
-        )
-    device = device_name(info)
-    try:
-        record = folder.record(person, wanted, device)
-    except CalibrationError as error:
-        raise CalibrationError(f"{subject}: {error.message}", command) from error
-    if record is None:
-        instead = folder.others(person, part, device)
-        raise CalibrationError(
-            f"{subject}: {person} has no calibration on {device}" + (f" ({instead})" if instead else ""),
-            command,
-        )
-    return record
-
-
-def _check_size(record: TouchRecord, source: TactileSource, finger: str, *, command: str) -> None:
-    frame = source.read(_FRAME_S)
-    if frame is None:  # no picture just now; the run says so
-        return
-    height, width = frame.image.shape[:2]
-    if (width, height) != (record.width_px, record.height_px):
-        raise CalibrationError(
-            f"finger {finger!r}: {record.person} was calibrated with pictures of {record.width_px}×{record.height_px}, "
-            f"the sensor gives {width}×{height}",
-            command,
-        )
 
 
 def driver_settings(config: EmgConfig) -> str:
@@ -145,105 +61,151 @@ def other_conditions(record: EmgRecord, **today: object) -> str:
     return ""
 
 
-def _check_emg(record: EmgRecord, now: EmgMaxima, config: EmgConfig, *, command: str) -> None:
-    text = other_conditions(
-        record,
-        driver=config.driver,
-        kind=now.kind,
-        channels=now.channels,
-        tau_samples=now.tau,
-        settings=driver_settings(config),
-    )
-    if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
-        text = text or (
-            f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}"
-        )
-    lengths = {len(record.live_max), len(record.paper_max), len(record.channels)}
-    if len(lengths) > 1 or min(*record.live_max, *record.paper_max) <= 0:
-        text = text or f"EMG: the record of {record.person} does not have one maximum above 0 per channel"
-    if text:
-        raise CalibrationError(text, command)
-
-
 def _text(value: object) -> str:
     return ", ".join(map(str, value)) if isinstance(value, tuple) else str(value)
 
 
-def touch_warnings(
-    config: SessionConfig,
-    folder: CalibrationFolder,
-    finger: str,
-    record: TouchRecord,
-    *,
-    settings: str,
-    now: datetime,
-) -> list[str]:
-    """Warn if a fingertip's maxima or baseline are old, and repeat their notes."""
-    person, limits = record.person, config.calibration
-    command = calibrate_command(settings, person, "touch")
-    warnings = _old(f"{finger}: maxima", record.made, limits.touch_old_h, now, command)
-    gels = folder.gels(record.device)
-    baseline = config.tactile[finger].baseline
-    newest = next((g for g in gels if g.picture == baseline), None)
-    if newest is not None:
-        refresh = calibrate_command(settings, person, refresh=True)
-        warnings += _old(f"{finger}: baseline", newest.record.made, limits.baseline_old_h, now, refresh)
-        warnings += [f"{finger}: {note}" for note in newest.record.notes]
-    warnings += refused_law(finger, record.live, command)
-    return warnings + [f"{finger}: {note}" for note in record.notes]
+class PersonRecords:
+    """The records of the person that some settings name, as a run with these would use them.
 
+    ``settings`` is how the settings file is named in the commands that are suggested; ``now`` is for ages.
+    Raises ``CalibrationError`` if the settings do not name person and folder.
+    """
 
-def emg_warnings(record: EmgRecord, config: SessionConfig, *, settings: str, now: datetime) -> list[str]:
-    """Warn if rest and maxima of the muscles are old, and repeat their notes."""
-    made = max(record.made, record.refreshed or record.made)
-    refresh = calibrate_command(settings, record.person, refresh=True)
-    warnings = _old("EMG", made, config.calibration.emg_old_h, now, refresh)
-    return warnings + [f"EMG calibration: {note}" for note in record.notes]
+    def __init__(self, config: SessionConfig, *, settings: str, now: datetime) -> None:
+        self.person, self.folder = whose(config.calibration)
+        self._config, self._settings, self._now = config, settings, now
+        self._live = config.session.preset == "live"
 
+    def command(self, part: Part | None = None, *, refresh: bool = False) -> str:
+        """Return the command that makes the calibration, as it is typed."""
+        return calibrate_command(self._settings, self.person, part, refresh=refresh)
 
-def vest_warnings(
-    config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
-) -> list[str]:
-    """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
-    info = live_info(config.vest, "vest")
-    if info is None or config.session.preset != "live":
-        return []
-    device, command = device_name(info), calibrate_command(settings, person, "vest")
-    record = folder.record(person, VestCalibration, device)
-    vest = config.vest
-    if record is None:
-        if (vest.threshold, vest.step) != (0.0, 1.0):
-            return []  # given in the settings
-        instead = folder.others(person, "vest", device)
-        return [
-            f"vest: {person}'s threshold on {device} is not known"
-            + (f" ({instead})" if instead else "")
-            + f", so weak touch may not be felt: {command}"
-        ]
-    warnings = _old("vest", record.made, config.calibration.vest_old_h, now, command)
-    if record.layout != (vest.layout or "x40"):
-        warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
-    return warnings + [f"vest: {note}" for note in record.notes]
+    def calibration(
+        self, sources: Mapping[str, TactileSource], emg: EmgSource | None, conditions: EmgMaxima | None
+    ) -> Personal:
+        """Take the maxima for the devices of a run; the sources, by finger, and ``emg`` are open.
 
+        ``conditions`` are those that the EMG's calibration depends on. Raises ``CalibrationError`` if a record
+        is missing, or was made for another person, device or way of measuring; the hint is the command to run.
+        """
+        config, warnings, fingers = self._config, list[str](), dict[str, TouchMaxima]()
+        for finger, source in sources.items():
+            record = self.needed(TouchRecord, source.info, f"finger {finger!r}")
+            self._check_size(record, source, finger)
+            fingers[finger] = record.live if self._live else record.paper
+            warnings += self.touch_warnings(finger, record)
+        muscles = None
+        if emg is not None and conditions is not None and config.emg is not None:
+            kept = self.needed(EmgRecord, emg.info, "EMG")
+            self._check_emg(kept, conditions, config.emg)
+            maxima = kept.live_max if self._live else kept.paper_max
+            muscles = msgspec.structs.replace(conditions, maxima=maxima)
+            warnings += self.emg_warnings(kept)
+        warnings += [*self.vest_warnings(), *self._arm_warnings()]
+        name = f"calibration of {self.person}"
+        calibration = Calibration(preset=config.session.preset, origin=name, tactile=fingers, emg=muscles)
+        return Personal(calibration, name, tuple(warnings))
 
-def _arm_warnings(
-    config: SessionConfig, folder: CalibrationFolder, person: str, *, settings: str, now: datetime
-) -> list[str]:
-    """Warn if a heading is old: a headset that was restarted may define forward differently."""
-    info = tracker_info(config)
-    record = None if info is None else folder.record(person, ArmRecord, device_name(info))
-    if record is None:
-        return []
-    return _old("arm: forward", record.made, _HEADING_OLD_H, now, calibrate_command(settings, person, "arm"))
+    def needed(self, wanted: type[Any], info: DeviceInfo, subject: str) -> Any:
+        """Return a record that a run needs, or say what there is instead."""
+        part, person = part_of(wanted), self.person
+        if not info.live:
+            raise CalibrationError(
+                f"{subject}: {info.label} is not a live device, so {person} has no calibration for it",
+                "leave calibration.person out, or name calibration.file",
+            )
+        device = device_name(info)
+        try:
+            record = self.folder.record(person, wanted, device)
+        except CalibrationError as error:
+            raise CalibrationError(f"{subject}: {error.message}", self.command(part)) from error
+        if record is None:
+            instead = self.folder.others(person, part, device)
+            text = f"{subject}: {person} has no calibration on {device}{f' ({instead})' if instead else ''}"
+            raise CalibrationError(text, self.command(part))
+        return record
 
+    def _check_size(self, record: TouchRecord, source: TactileSource, finger: str) -> None:
+        frame = source.read(_FRAME_S)
+        if frame is None:  # no picture just now; the run says so
+            return
+        height, width = frame.image.shape[:2]
+        if (width, height) != (record.width_px, record.height_px):
+            raise CalibrationError(
+                f"finger {finger!r}: {record.person} was calibrated with pictures of "
+                f"{record.width_px}×{record.height_px}, the sensor gives {width}×{height}",
+                self.command("touch"),
+            )
 
-def _old(subject: str, made: datetime, limit_h: float, now: datetime, command: str) -> list[str]:
-    age = now - made
-    if age <= timedelta(hours=limit_h):
-        return []
-    hours = age / timedelta(hours=1)
-    text = f"{hours:.0f} hours" if hours < 72 else f"{hours / 24:.0f} days"
-    return [f"{subject}: {text} old, warned of after {limit_h:g} hours: {command}"]
+    def _check_emg(self, record: EmgRecord, now: EmgMaxima, config: EmgConfig) -> None:
+        text = other_conditions(
+            record, driver=config.driver, kind=now.kind, channels=now.channels, tau_samples=now.tau,
+            settings=driver_settings(config),
+        )  # fmt: skip
+        if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
+            text = text or (
+                f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}"
+            )
+        lengths = {len(record.live_max), len(record.paper_max), len(record.channels)}
+        if len(lengths) > 1 or min(*record.live_max, *record.paper_max) <= 0:
+            text = text or f"EMG: the record of {record.person} does not have one maximum above 0 per channel"
+        if text:
+            raise CalibrationError(text, self.command("emg"))
+
+    def touch_warnings(self, finger: str, record: TouchRecord) -> list[str]:
+        """Warn if a fingertip's maxima or baseline are old, and repeat their notes."""
+        limits, command = self._config.calibration, self.command("touch")
+        warnings = self._old(f"{finger}: maxima", record.made, limits.touch_old_h, command)
+        baseline = self._config.tactile[finger].baseline
+        newest = next((g for g in self.folder.gels(record.device) if g.picture == baseline), None)
+        if newest is not None:
+            made, refresh = newest.record.made, self.command(refresh=True)
+            warnings += self._old(f"{finger}: baseline", made, limits.baseline_old_h, refresh)
+            warnings += [f"{finger}: {note}" for note in newest.record.notes]
+        warnings += refused_law(finger, record.live, command)
+        return warnings + [f"{finger}: {note}" for note in record.notes]
+
+    def emg_warnings(self, record: EmgRecord) -> list[str]:
+        """Warn if rest and maxima of the muscles are old, and repeat their notes."""
+        made = max(record.made, record.refreshed or record.made)
+        warnings = self._old("EMG", made, self._config.calibration.emg_old_h, self.command(refresh=True))
+        return warnings + [f"EMG calibration: {note}" for note in record.notes]
+
+    def vest_warnings(self) -> list[str]:
+        """Say that a vest's thresholds are old or not known: a run without them shows the law's own intensities."""
+        vest, info = self._config.vest, live_info(self._config.vest, "vest")
+        if info is None or not self._live:
+            return []
+        person, device, command = self.person, device_name(info), self.command("vest")
+        record = self.folder.record(person, VestCalibration, device)
+        if record is None:
+            if (vest.threshold, vest.step) != (0.0, 1.0):
+                return []  # given in the settings
+            instead = self.folder.others(person, "vest", device)
+            text = f"vest: {person}'s threshold on {device} is not known{f' ({instead})' if instead else ''}"
+            return [f"{text}, so weak touch may not be felt: {command}"]
+        warnings = self._old("vest", record.made, self._config.calibration.vest_old_h, command)
+        if record.layout != (vest.layout or "x40"):
+            warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
+        return warnings + [f"vest: {note}" for note in record.notes]
+
+    def _arm_warnings(self) -> list[str]:
+        """Warn if a heading is old: a headset that was restarted may define forward differently."""
+        info = tracker_info(self._config)
+        record = None if info is None else self.folder.record(self.person, ArmRecord, device_name(info))
+        return (
+            []
+            if record is None
+            else self._old("arm: forward", record.made, _HEADING_OLD_H, self.command("arm"))
+        )
+
+    def _old(self, subject: str, made: datetime, limit_h: float, command: str) -> list[str]:
+        hours = (self._now - made) / timedelta(hours=1)
+        if hours <= limit_h:
+            return []
+        text = f"{hours:.0f} hours" if hours < 72 else f"{hours / 24:.0f} days"
+        return [f"{subject}: {text} old, warned of after {limit_h:g} hours: {command}"]
 
 
 def tracker_info(config: SessionConfig) -> DeviceInfo | None:

@@ -17,7 +17,7 @@ from tega.config.calibration import Calibration, load_calibration
 from tega.config.calibration.records import utc_now
 from tega.config.calibration.store import refused_law
 from tega.config.choose import block_s, chosen_stage, finger_metric, muscle_decoder
-from tega.config.person import calibrate_command, person_calibration
+from tega.config.person import PersonRecords, calibrate_command
 from tega.devices.base import ComparingSource, EmgSource, SkippingSource, TactileSource
 from tega.errors import CalibrationError
 from tega.loop.baseline_match import check_baseline
@@ -132,9 +132,8 @@ def prepare(
             text for one in sources for text in refused_law(one, calibration.tactile.get(one), command)
         )
     elif config.calibration.person is not None:
-        calibration, name, warnings = person_calibration(
-            config, sources, emg, conditions, settings=settings, now=utc_now()
-        )
+        records = PersonRecords(config, settings=settings, now=utc_now())
+        calibration, name, warnings = records.calibration(sources, emg, conditions)
     elif origin:
         calibration, name = Calibration(preset=preset, origin=origin), "none"
     else:

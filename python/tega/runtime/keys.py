@@ -19,19 +19,9 @@ _WINDOWS = {"H": "up", "P": "down", "M": "right", "K": "left"}
 
 
 class Keys:
-    """Reads keys without waiting, inside a ``with`` block.
+    """Reads keys without waiting, inside a ``with`` block; ``DeviceUnavailableError`` where there is no terminal.
 
-    Args:
-        fd: File descriptor of the terminal (POSIX only); none means that of standard input.
-
-    Raises:
-        DeviceUnavailableError: On entering: this is not a terminal.
-
-    Example:
-        >>> import os
-        >>> with Keys() as keys:  # doctest: +SKIP
-        ...     keys.read()
-        ['up', 'q']
+    ``fd`` is the file descriptor of the terminal (POSIX only), ``None`` that of standard input.
     """
 
     def __init__(self, fd: int | None = None) -> None:

@@ -59,19 +59,7 @@ class Elsewhere(Opened):
 
 
 def require(module: str, *, driver: str, extra: str) -> Any | ModuleType:
-    """Import a package that an optional driver needs.
-
-    Args:
-        module: Name of the module to import.
-        driver: Name of the driver that needs it, for the message.
-        extra: The optional dependency that brings it.
-
-    Returns:
-        The module.
-
-    Raises:
-        MissingExtraError: The package is not installed, or does not load on this machine.
-    """
+    """Return a module that a driver needs and an extra brings; ``MissingExtraError`` where it does not load."""
     try:
         return importlib.import_module(module)
     except ImportError as error:

@@ -2,17 +2,6 @@
 
 Every driver and every reader that looks for a lost device takes its intervals from here. Devices that must not be
 reopened automatically do not: a hand that has found a fault, an arm that has stopped. For those a person decides.
-
-Example:
-    >>> from tega.runtime.reopening import Reopening
-    >>> again, rests_s = Reopening(0.25, 2.0), []
-    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5)
-    True
-    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5)
-    True
-    >>> again.works()
-    >>> again.wait(lambda rest_s: rests_s.append(rest_s) or len(rests_s) == 5), rests_s
-    (True, [0.25, 0.5, 0.25])
 """
 
 from __future__ import annotations
@@ -42,22 +31,22 @@ class Reopening:
 
     def works(self) -> None:
         """Note that the device gave something: it is looked for soon when it goes away next."""
-        self._rest_s = self._first_s
-        self._due_s = 0.0
+        self._rest_s, self._due_s = self._first_s, 0.0
+
+    def _next_rest_s(self) -> float:
+        rest_s, self._rest_s = self._rest_s, min(self._factor * self._rest_s, self._most_s)
+        return rest_s
 
     def wait(self, over: Over) -> bool:
         """Rest before the next try; return whether to try."""
-        rest_s, self._rest_s = self._rest_s, min(self._factor * self._rest_s, self._most_s)
-        return not over(rest_s * random.uniform(1 - self._spread, 1 + self._spread))
+        return not over(self._next_rest_s() * random.uniform(1 - self._spread, 1 + self._spread))
 
     def due(self) -> bool:
         """Return whether to try now, for a thread that must not sleep; if so, restart the interval."""
         now_s = time.monotonic()
-        if now_s < self._due_s:
-            return False
-        self._due_s = now_s + self._rest_s
-        self._rest_s = min(self._factor * self._rest_s, self._most_s)
-        return True
+        if is_due := now_s >= self._due_s:
+            self._due_s = now_s + self._next_rest_s()
+        return is_due
 
     def open(
         self,
@@ -96,10 +85,11 @@ class Reopening:
         wanted, and returns whether it gave anything; ``close`` is called after each.
         """
         while not over(0.0):
-            if link is None:
-                link = self.open(open_device, over, absent=absent, refused=refused)
-                if link is None:
-                    return
+            if (
+                link is None
+                and (link := self.open(open_device, over, absent=absent, refused=refused)) is None
+            ):
+                return
             try:
                 if use(link):
                     self.works()

@@ -57,13 +57,6 @@ def test_ordinary_names_are_let_through(name: str) -> None:
         assert plain_name(name, subject="attachment", source="x.mcap") == name
 
 
-@pytest.mark.parametrize(
-    "name", ["session.toml", "baseline-thumb.npy", "lead-in.mcap", "p01", "tactile.thumb.contact"]
-)
-def test_the_program_s_own_names_are_plain(name: str) -> None:
-    assert plain_name(name, subject="attachment", source="x.mcap") == name
-
-
 plain = (
     st.text()
     | st.booleans()

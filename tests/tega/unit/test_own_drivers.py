@@ -159,9 +159,3 @@ def test_the_converters_limits_of_others_are_used_in_calibration(capsys: pytest.
     with source, pytest.raises(CalibrationError):
         MuscleSteps(source, emg_conditions(source, "raw"), guide, Times(rest_s=0.8)).rest()
     assert "at the converter's limit" in capsys.readouterr().err
-
-
-def test_what_a_driver_has_not_is_taken_as_the_table_says() -> None:
-    assert optional(object(), "limits") is None
-    assert optional(object(), "faults") == ()
-    assert optional(OwnAmplifier(Options()), "limits") == (0.0, 1023.0)

@@ -11,7 +11,7 @@ from tega.config.errors import CONSTANTS, REMOVED
 from tega.errors import ConfigError, MissingExtraError
 from tega.recording.origin import absent_features
 from tega.runtime.features import Feature, features, load_target
-from tega.runtime.words import Removed, refuse_removed, without_removed
+from tega.runtime.words import Removed, without_removed
 from tega.stages.registry import stage_class
 
 GONE = {"shear": Removed("0.3", "nothing gives way", "plan anew", "off")}
@@ -24,12 +24,6 @@ def test_a_stage_that_was_taken_out_is_refused_by_one_sentence() -> None:
     assert "live" in refused.value.hint
     with pytest.raises(ConfigError, match=r"stages\.metric shear was taken out in 0\.3"):
         load_config(None, environ={}, sets=["session.preset=live", "stages.metric.name=shear"])
-
-
-def test_what_was_never_there_is_no_removed_stage() -> None:
-    refuse_removed("stages.metric velvet")
-    with pytest.raises(ConfigError, match="no metric is called 'velvet'"):
-        stage_class("metric", "velvet")
 
 
 def test_fields_that_were_taken_out_pass_where_they_were_unused_and_are_refused_where_they_were_not() -> None:
@@ -51,11 +45,6 @@ def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, nam
     assert refused.value.hint == gone.hint
     with pytest.raises(ConfigError, match=r"--set: .* was taken out"):
         load_config(None, environ={}, sets=[f"{key}={value or 'odd'}"])
-
-
-def test_a_value_beside_a_removed_one_is_read() -> None:
-    loaded = load_config(None, environ={}, sets=["arm.driver=simulated-arm"])
-    assert loaded.config.arm is not None
 
 
 BESIDE = {

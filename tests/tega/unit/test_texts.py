@@ -71,11 +71,6 @@ def test_a_number_has_no_exponent_and_no_rounding_noise(value: float, text: str)
     assert number_text(value) == text
 
 
-def test_a_value_that_rounds_to_zero_has_no_sign() -> None:
-    assert number_text(-0.04, decimals=1) == "0.0"
-    assert number_text(-0.06, decimals=1) == "-0.1"
-
-
 @given(st.floats(-1e9, 1e9, allow_subnormal=False), st.integers(2, 15))
 def test_the_text_is_the_number_to_its_digits(value: float, digits: int) -> None:
     text = number_text(value, digits)

@@ -55,12 +55,6 @@ OwnHand = Literal["left", "right"]
 RESUME_H = 4.0
 """An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
 
-_TYPES: dict[Part, type[TouchRecord | EmgRecord | VestCalibration | ArmRecord]] = {
-    "touch": TouchRecord,
-    "emg": EmgRecord,
-    "vest": VestCalibration,
-    "arm": ArmRecord,
-}
 _FACTS = "person.toml"
 _STAMP = "%Y%m%d-%H%M%S"
 _Any = TypeVar("_Any", bound=CalibrationRecord)
@@ -74,6 +68,12 @@ def checked_person(person: str) -> str:
 def device_name(info: DeviceInfo) -> str:
     """Return a device's serial number or its substitute, fit for a file's name."""
     return re.sub(r"[^A-Za-z0-9._-]+", "_", info.label).strip("._") or info.driver
+
+
+def part_of(wanted: type[CalibrationRecord]) -> Part:
+    """Return the part that a type of a person's records belongs to, as its format ends."""
+    part: Part = wanted.__struct_config__.tag.removeprefix("tega-")  # type: ignore[union-attr,assignment]
+    return part
 
 
 class KeptGel(NamedTuple):
@@ -185,7 +185,7 @@ class CalibrationFolder:
 
     def file_of(self, record: CalibrationRecord, person: str) -> Path:
         """Return where a person's record is kept."""
-        return self.file(person, _part(type(record)), record.device)
+        return self.file(person, part_of(type(record)), record.device)
 
     def named(self, path: Path) -> str:
         """Return a file's name as seen from the folder."""
@@ -208,7 +208,7 @@ class CalibrationFolder:
 
         Raises ``CalibrationError`` if it is damaged, or was made for another person or device.
         """
-        path = self.file(person, _part(wanted), device)
+        path = self.file(person, part_of(wanted), device)
         if not path.is_file():
             return None
         found = read_record(path, wanted)
@@ -262,7 +262,3 @@ def _readable(folder: Path, pattern: str, wanted: type[_Any]) -> Iterator[tuple[
         except CalibrationError:
             continue
         yield record, file
-
-
-def _part(wanted: type[CalibrationRecord]) -> Part:
-    return next(part for part, kind in _TYPES.items() if kind is wanted)

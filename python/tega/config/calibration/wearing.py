@@ -37,20 +37,14 @@ def site_place(site: str) -> str:
 
 
 def site_face(site: str) -> str:
-    """Return the face of a site, ``f`` or ``b``.
-
-    Example:
-        >>> site_face("b2"), site_face("m3")
-        ('b', 'f')
-    """
+    """Return the face of a site, ``f`` or ``b``."""
     return "b" if min(site_motors(site)) >= 20 else "f"
 
 
 def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
     """Return the site of each face that is felt as most are there: the one with the middle threshold.
 
-    Args:
-        levels: Threshold level by site, 0 where nothing is felt.
+    ``levels`` are the threshold levels by site, 0 where nothing is felt.
 
     Example:
         >>> middle_sites({"f1": 2, "f2": 3, "f3": 5, "b1": 0})

@@ -108,6 +108,20 @@ def load_npy(data: bytes, name: str) -> NDArray[Any]:
         raise RecordingError(f"{name}: not an .npy array: {error}", "save it with numpy.save") from error
 
 
+def _array(data: bytes) -> NDArray[Any]:
+    import numpy as np
+
+    file = io.BytesIO(data)
+    shape, by_columns, dtype = npy_header(file)
+    if dtype.hasobject:
+        raise ValueError("it holds Python objects, which are never read")
+    n_bytes, n_there = math.prod(shape) * dtype.itemsize, len(data) - file.tell()
+    if min(shape, default=0) < 0 or n_bytes > n_there:
+        raise ValueError(f"cut short: {n_there} bytes of {n_bytes}")
+    array = np.frombuffer(data, dtype, math.prod(shape), file.tell()) if n_bytes else np.empty(0, dtype)
+    return array.reshape(shape, order="F" if by_columns else "C").copy(order="K")
+
+
 def npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, Any]:
     """Read the header of an ``.npy`` file: the array's shape, whether it is in Fortran's order, and its type."""
     from numpy.lib import format as npy
@@ -116,20 +130,6 @@ def npy_header(file: IO[bytes]) -> tuple[tuple[int, ...], bool, Any]:
     if version not in {(1, 0), (2, 0)}:
         raise ValueError(f"version {version} of the format")
     return (npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0)(file)
-
-
-def _array(data: bytes) -> NDArray[Any]:
-    import numpy as np
-
-    file = io.BytesIO(data)
-    shape, by_columns, dtype = npy_header(file)
-    if dtype.hasobject:
-        raise ValueError("it holds Python objects, which are never read")
-    n_bytes = math.prod(shape) * dtype.itemsize
-    if min(shape, default=0) < 0 or n_bytes > len(data) - file.tell():
-        raise ValueError(f"cut short: {len(data) - file.tell()} bytes of {n_bytes}")
-    array = np.frombuffer(data, dtype, math.prod(shape), file.tell()) if n_bytes else np.empty(0, dtype)
-    return array.reshape(shape, order="F" if by_columns else "C").copy(order="K")
 
 
 def reports_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
@@ -159,14 +159,9 @@ def reports_damage(read: Callable[_P, _R]) -> Callable[_P, _R]:
 def plain_name(name: str, *, subject: str, source: str) -> str:
     """Return a name from outside, which can only name something inside the folder that it is joined to.
 
-    Args:
-        name: The name: 1 to 128 ASCII letters, digits, dots, dashes, underscores and pluses, not a dot or a dash in
-            front, not a dot at the end, and none of Windows' device names.
-        subject: Kind of thing that it names, such as ``attachment``.
-        source: The file or message that it stands in.
-
-    Raises:
-        UnsafeNameError: It is not such a name.
+    It has 1 to 128 ASCII letters, digits, dots, dashes, underscores and pluses, no dot or dash in front, no dot
+    at the end, and is none of Windows' device names; else ``UnsafeNameError`` with ``subject``, the kind of
+    thing that it names, and ``source``, the file or message that it stands in.
 
     Example:
         >>> plain_name("baseline-thumb.npy", subject="attachment", source="trial-001.mcap")

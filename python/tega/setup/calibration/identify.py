@@ -15,10 +15,7 @@ _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 
 
 def motor_place(motor: int) -> str:
-    """Say where a motor is felt.
-
-    Args:
-        motor: Its index, 0 to 39.
+    """Say where a motor, 0 to 39, is felt.
 
     Example:
         >>> motor_place(23)

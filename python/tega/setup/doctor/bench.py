@@ -6,7 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from typing import Final, NamedTuple, TypeVar
+from typing import Any, Final, NamedTuple, TypeVar
 
 import msgspec
 
@@ -27,18 +27,10 @@ _Answer = TypeVar("_Answer")
 def in_time(
     jobs: Mapping[_Key, Callable[[], _Answer]], deadline_s: float, late: Callable[[_Key, float], _Answer]
 ) -> dict[_Key, _Answer]:
-    """Run all jobs at once and return their results, in their order.
+    """Run all jobs, which must not raise, at once for ``deadline_s`` at most; return their results, in their order.
 
-    A job that is not done in time is left to itself: its thread does not keep the program from ending.
-
-    Args:
-        jobs: Functions to run; a job must not raise.
-        deadline_s: Time limit for all of them together.
-        late: Given a job's key and the deadline, makes the answer of one that is not done.
-
-    Example:
-        >>> in_time({"a": lambda: 1, "b": lambda: 2}, 10.0, lambda key, _: 0)
-        {'a': 1, 'b': 2}
+    A job that is not done in time is left to itself: its thread does not keep the program from ending. ``late``,
+    called with its key and the deadline, makes its answer.
     """
     answers: dict[_Key, _Answer] = {}
 
@@ -67,15 +59,9 @@ ROLES: Final[Mapping[str, Kind]] = {"digit": "tactile", "emg": "emg", "vest": "v
 """Checks made without settings, and the kind of their drivers."""
 
 
-class _Absent(NamedTuple):
-    """Report of a missing kind of device, and the steps to take."""
-
-    said: str
-    todo: tuple[str, ...]
-
-
-_ABSENT: Final = {
-    "digit": _Absent(
+# What is said of a kind of device that is missing, and the steps to take.
+_ABSENT: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {
+    "digit": (
         "No DIGIT is plugged in",
         (
             "plug one in with a cable that carries data (some only charge: lights on, nothing in lsusb), wait 3 s, "
@@ -83,21 +69,21 @@ _ABSENT: Final = {
             'any other camera will do for a first try: driver digit with source = "/dev/video0"',
         ),
     ),
-    "emg": _Absent(
+    "emg": (
         "No EMG amplifier was found",
         (
             "plug the board or dongle in and switch it on (a Cyton's dongle: switch at GPIO 6)",
             "an amplifier with a program of its own: start its stream in that program",
         ),
     ),
-    "vest": _Absent(
+    "vest": (
         "No vest answers",
         (
             "through the vendor's software: start the bHaptics Player and pair the vest in it",
             "by Bluetooth: switch the vest on, and close the Player and the phone's app, which would hold it",
         ),
     ),
-    "allegro": _Absent(
+    "allegro": (
         "There is no CAN bus, so no Allegro Hand",
         (
             "plug the CAN adapter in, then:\n"
@@ -129,26 +115,24 @@ def probe_drivers(deadline_s: float = POLL_S) -> dict[str, DriverProbe]:
 
     The results are by the driver's name, in the order of ``tega-teleop devices``.
     """
-    jobs: dict[str, Callable[[], DriverProbe]] = {}
-    kinds: dict[str, str] = {}
-    for record in list_drivers():
-        if record.kind and isinstance(driver := driver_class(record.name), DiscoveringDevice):
-            kinds[record.name] = record.kind
-            jobs[record.name] = lambda kind=record.kind, driver=driver: _check(kind, driver, 0.8 * deadline_s)
+    kinds = {
+        record.name: record.kind
+        for record in list_drivers()
+        if record.kind and isinstance(driver_class(record.name), DiscoveringDevice)
+    }
     return in_time(
-        jobs,
+        {name: partial(_check, kind, driver_class(name), 0.8 * deadline_s) for name, kind in kinds.items()},
         deadline_s,
         lambda name, s: DriverProbe(kinds[name], could_not=f"{name} did not answer within {s:g} s"),
     )
 
 
-def _check(kind: str, driver: DiscoveringDevice, timeout_s: float) -> DriverProbe:
+def _check(kind: str, driver: Any, timeout_s: float) -> DriverProbe:
     try:
         return DriverProbe(kind, driver.discover(timeout_s), likelihood=optional(driver, "likelihood"))
-    except MissingExtraError as error:
-        return DriverProbe(kind, could_not=error.message, hint=error.hint, lacks_package=True)
     except DeviceUnavailableError as error:
-        return DriverProbe(kind, could_not=error.message, hint=error.hint)
+        lacks = isinstance(error, MissingExtraError)
+        return DriverProbe(kind, could_not=error.message, hint=error.hint, lacks_package=lacks)
     except Exception as error:  # somebody's driver: the others are still looked for
         return DriverProbe(kind, could_not=f"unexpected {type(error).__name__}: {error}")
 
@@ -185,21 +169,13 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     Return at least one finding for each, in their order, and then those about several together.
     """
     cameras: list[FoundCamera] = []
+    tries = {
+        "tactile": partial(try_camera, cameras), "emg": try_amplifier, "vest": try_vest, "hand": try_hand,
+        "input": try_input, "tracker": try_tracker, "arm": try_arm,
+    }  # fmt: skip
 
     def attempt(case: DriverCase) -> list[Finding]:
         try:
-            if case.kind == "tactile":
-                findings, camera = try_camera(case)
-                cameras.extend([camera] if camera is not None else [])
-                return findings
-            tries = {
-                "emg": try_amplifier,
-                "vest": try_vest,
-                "hand": try_hand,
-                "input": try_input,
-                "tracker": try_tracker,
-                "arm": try_arm,
-            }
             return tries[case.kind](case)
         except Exception as error:  # a driver's mistake is one finding, not the end of the examination
             text = f"{case.driver} failed with an unexpected {type(error).__name__}: {error}"
@@ -207,11 +183,11 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
 
     def late(n: int, deadline_s: float) -> list[Finding]:
         text = f"{cases[n].driver} was not done within {deadline_s:g} s"
-        why, step = (
+        why, todo = (
             "the device, its driver or the machine is held up",
             "unplug it, plug it in again and look once more",
         )
-        return [cases[n].reported("", "error", text, why=why, todo=(step,))]
+        return [cases[n].reported("", "error", text, why=why, todo=(todo,))]
 
     jobs = {n: partial(attempt, case) for n, case in enumerate(cases)}
     # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.
@@ -233,16 +209,8 @@ def _seen(check: str, found: Found) -> Finding:
     status: Status = "warning"
     if found.problem:
         status, text, step = "error", found.problem, found.hint
-    todo, device = (step,) if step else (), found.label
-    return Finding(
-        check=check,
-        status=status,
-        finding=text,
-        why=found.note,
-        todo=todo,
-        driver=found.driver,
-        device=device,
-    )
+    case = DriverCase(check, ROLES[check], found.driver, None)
+    return case.reported(found.label, status, text, why=found.note, todo=(step,) if step else ())
 
 
 def _packages(looked: Mapping[str, DriverProbe]) -> list[Finding]:

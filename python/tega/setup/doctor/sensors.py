@@ -34,8 +34,8 @@ class FoundCamera(NamedTuple):
     n_pixels: int
 
 
-def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
-    """Open a camera or recording, read for a moment, close it."""
+def try_camera(cameras: list[FoundCamera], case: DriverCase) -> list[Finding]:
+    """Open a camera or recording, read for a moment, close it; a camera that works is added to the list."""
     source: Any = driver_class(case.driver, "tactile")(case.options)
     label = source.info.label
     name = f"{case.driver} {label}"
@@ -44,16 +44,16 @@ def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
             frames, rate_hz = _read(source)
             info = source.info
     except TegaError as error:
-        return [_unusable(case, error, source)], None
+        return [_unusable(case, error, source)]
     if not frames:
-        return [case.reported(label, "error", f"{name} opened, and sent no picture")], None
+        return [case.reported(label, "error", f"{name} opened, and sent no picture")]
     height, width = frames[-1].image.shape[:2]
     seen = {f.seq: f.image for f in frames if f.image.shape == frames[-1].image.shape}
     gel = check_gel(case, label, list(seen.values()))
     if not info.live:
         length = f"{info.n_items} pictures" if info.n_items else "pictures"
         text = f"{name}: a recording, {length} of {width}×{height} at {info.rate_hz or 0:g} a second"
-        return gel or [case.reported(label, "ok", text)], None
+        return gel or [case.reported(label, "ok", text)]
     counts = source.counts if isinstance(source, CountingSource) else None
     findings = [
         *_pictures(case, label, rate_hz, info.rate_hz, counts),
@@ -63,7 +63,8 @@ def try_camera(case: DriverCase) -> tuple[list[Finding], FoundCamera | None]:
     if not findings:
         text = f"{name} sends {rate_hz:.0f} pictures a second, {width}×{height}"
         findings = [case.reported(label, "ok", text, measured={"rate_hz": round(rate_hz, 1)})]
-    return findings, FoundCamera(case.check, label, info.rate_hz or 0.0, height * width)
+    cameras.append(FoundCamera(case.check, label, info.rate_hz or 0.0, height * width))
+    return findings
 
 
 def _pictures(

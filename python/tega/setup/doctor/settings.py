@@ -14,19 +14,15 @@ from typing import Any, Final
 import msgspec
 
 from tega.config import SessionConfig
-from tega.config.calibration.folder import Part, device_name
+from tega.config.calibration.folder import device_name, part_of
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, utc_now
 from tega.config.calibration.store import load_calibration, refused_law
 from tega.config.person import (
+    PersonRecords,
     calibrate_command,
     driver_settings,
-    emg_warnings,
     live_info,
-    needed_record,
     other_conditions,
-    touch_warnings,
-    vest_warnings,
-    whose,
 )
 from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, TegaError
@@ -59,18 +55,18 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
     First comes what is there and fresh. ``missing``: there is none; ``error``: it is not to be used; ``warning``:
     it is, but old or with a note.
     """
-    person, folder = whose(config.calibration)
+    records = PersonRecords(config, settings=settings, now=now)
+    person, folder = records.person, records.folder
     fine: list[str] = []
     found: list[Finding] = []
 
     def check(subject: str, wanted: type[Any], info: DeviceInfo | None) -> Any:
         if info is None:
             return None
-        part: Part = "touch" if wanted is TouchRecord else "emg"
         try:
-            return needed_record(folder, person, wanted, info, subject=subject, settings=settings)
+            return records.needed(wanted, info, subject)
         except CalibrationError as error:
-            there = folder.file(person, part, device_name(info)).is_file()
+            there = folder.file(person, part_of(wanted), device_name(info)).is_file()
             found.append(_about("error" if there else "missing", error.message, _run(error.hint)))
             return None
 
@@ -83,22 +79,21 @@ def _looked_at(config: SessionConfig, *, settings: str, now: datetime) -> list[F
 
     for finger, section in config.tactile.items():
         if (record := check(finger, TouchRecord, live_info(section, "tactile"))) is not None:
-            warned(finger, touch_warnings(config, folder, finger, record, settings=settings, now=now))
+            warned(finger, records.touch_warnings(finger, record))
     emg = config.emg
     if (record := check("EMG", EmgRecord, live_info(emg, "emg"))) is not None and emg is not None:
         text = other_conditions(record, driver=emg.driver, kind=emg.kind, settings=driver_settings(emg))
         if text:
-            found.append(_about("error", text, _run(calibrate_command(settings, person, "emg"))))
+            found.append(_about("error", text, _run(records.command("emg"))))
         else:
-            warned("EMG", emg_warnings(record, config, settings=settings, now=now))
+            warned("EMG", records.emg_warnings(record))
     if (info := live_info(config.vest, "vest")) is not None and config.session.preset == "live":
         try:
             worn = folder.record(person, VestCalibration, device_name(info))
             fit = "" if worn is None else f" ({worn.named_right} of {worn.named} places named right)"
-            warned(f"vest{fit}", vest_warnings(config, folder, person, settings=settings, now=now))
+            warned(f"vest{fit}", records.vest_warnings())
         except CalibrationError as error:
-            step = _run(calibrate_command(settings, person, "vest"))
-            found.append(_about("error", f"vest: {error.message}", step))
+            found.append(_about("error", f"vest: {error.message}", _run(records.command("vest"))))
     if fine:
         found.insert(0, _about("ok", f"{person}'s calibration is there and fresh: {', '.join(fine)}"))
     return found

@@ -33,7 +33,7 @@ _SLOPE_ROWS = 1000
 _DAY_S = 86_400.0
 # EMG is sampled between these rates; a time without a unit is read in the one that gives such a rate.
 _RATES_HZ = (50.0, 50_000.0)
-_SCALES = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
+_SCALES = (1.0, 1e-3, 1e-6, 1e-9)
 
 
 class Timing(NamedTuple):
@@ -72,10 +72,10 @@ def to_seconds(
     step = slope_of(times)
     if step is None or step <= 0:
         return None
-    for _, scale in _SCALES:
+    for scale in _SCALES:
         if rate_hz is not None and abs(1 / (step * scale) / rate_hz - 1) <= 4 * RATE_TOLERANCE:
             return times * scale
-    for _, scale in _SCALES:
+    for scale in _SCALES:
         if _RATES_HZ[0] <= 1 / (step * scale) <= _RATES_HZ[1]:
             return times * scale
     return None
@@ -88,29 +88,22 @@ def slope_of(times: NDArray[np.float64]) -> float | None:
         >>> round(slope_of(np.arange(1000) // 10 * 0.04), 6)
         0.004
     """
-    if not all(np.isfinite(times[at : at + _BLOCK]).all() for at in range(0, len(times), _BLOCK)):
-        times = times[np.isfinite(times)]
+    times = times[np.isfinite(times)]
     rows = _stamped(times)
     if len(times) < _FEWEST or len(rows) < 3:
         return None
     far = max(1, min(_SLOPE_ROWS, len(rows) // 8))
     places = np.arange(0, len(rows) - far, max(1, len(rows) // _MOST_SLOPES))
-    before, after = _picked(rows, places), _picked(rows, places + far)
+    before, after = rows[places], rows[places + far]
     slopes = np.sort((times[after] - times[before]) / (after - before))
     quarter = len(slopes) // 4
     return float(slopes[quarter : len(slopes) - quarter].mean())
 
 
-def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64] | range:
+def _stamped(times: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the rows with valid times: all, or the first of each batch of samples with one stamp."""
-    n_changed = sum(
-        np.count_nonzero(np.diff(times[at : at + _BLOCK + 1])) for at in range(0, len(times), _BLOCK)
-    )
-    return range(len(times)) if n_changed >= _MOST_SHARED * len(times) else np.flatnonzero(np.diff(times)) + 1
-
-
-def _picked(rows: NDArray[np.int64] | range, places: NDArray[np.int64]) -> NDArray[np.int64]:
-    return places if isinstance(rows, range) else rows[places]
+    changed = np.flatnonzero(np.diff(times)) + 1
+    return np.arange(len(times)) if len(changed) >= _MOST_SHARED * len(times) else changed
 
 
 def compare(
@@ -177,16 +170,15 @@ def losses_in_words(lost: list[tuple[int, int]], rate_hz: float | None) -> str:
 
 def _repeated(times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> NDArray[np.int64]:
     """Return the rows that repeat the one before: samples that share a stamp, though they differ, are a batch."""
-    found, n_same = [], 0
-    for at in range(0, len(times_s) - 1, _BLOCK):
-        ours, before = samples[at + 1 : at + 1 + _BLOCK], samples[at : at + _BLOCK][: len(times_s) - 1 - at]
-        same = np.diff(times_s[at : at + 1 + _BLOCK]) == 0
-        if same.any():
-            n_same += int(same.sum())
-            equal = ((ours == before) | (np.isnan(ours) & np.isnan(before))).all(axis=1)
-            found.append(np.flatnonzero(same & equal) + at + 1)
-    rows = np.concatenate(found) if found else np.empty(0, np.int64)
-    return rows if len(rows) >= 0.9 * n_same else rows[:0]
+    same = np.flatnonzero(np.diff(times_s) == 0) + 1
+    equal = [
+        ((samples[part] == samples[part - 1]) | (np.isnan(samples[part]) & np.isnan(samples[part - 1]))).all(
+            axis=1
+        )
+        for part in np.array_split(same, 1 + len(same) // _BLOCK)  # so that little more memory is taken
+    ]
+    rows = same[np.concatenate(equal)]
+    return rows if len(rows) >= 0.9 * len(same) else rows[:0]
 
 
 def _jumps(
@@ -199,9 +191,10 @@ def _jumps(
     rows = _stamped(times_s)
     n_near, begin = max(4, min(_NEAR, len(rows) // 8)), 0
     rises, back = list[tuple[int, float]](), list[tuple[int, float]]()
-    for k in _odd_steps(times_s, rows, step_s):
+    ahead_s = np.diff(times_s[rows]) - step_s * np.diff(rows)
+    for k in (np.flatnonzero((ahead_s > 0.5 * step_s) | (ahead_s < -1.5 * step_s)) + 1).tolist():
         first, last = max(begin, k - n_near), min(len(rows), k + n_near)
-        near = np.asarray(rows[first:last])
+        near = rows[first:last]
         late_s = times_s[near] - step_s * near
         # A sample cannot be stamped before it was taken: the earliest stamps on either side are compared.
         rise_s = float(late_s[k - first :].min() - late_s[: k - first].min())
@@ -218,16 +211,6 @@ def _jumps(
             back.append((row, rise_s))
             begin = k
     return rises, back
-
-
-def _odd_steps(times_s: NDArray[np.float64], rows: NDArray[np.int64] | range, step_s: float) -> list[int]:
-    """Return the places among rows before which time does not go on evenly."""
-    found = list[int]()
-    for at in range(0, len(rows) - 1, _BLOCK):
-        part = np.asarray(rows[at : at + _BLOCK + 1])
-        ahead_s = np.diff(times_s[part]) - step_s * np.diff(part)
-        found += (np.flatnonzero((ahead_s > 0.5 * step_s) | (ahead_s < -1.5 * step_s)) + at + 1).tolist()
-    return found
 
 
 def _even_step(
@@ -312,16 +295,8 @@ def _filled(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _unwrapped(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return times of day that go on after midnight."""
-    odd = [
-        np.flatnonzero(np.abs(np.diff(times_s[at : at + _BLOCK + 1]) + _DAY_S) < 60) + at
-        for at in range(0, len(times_s), _BLOCK)
-    ]
-    back = np.concatenate(odd) if odd else np.empty(0, np.int64)
-    if not len(back):
-        return times_s
-    days = np.zeros(len(times_s))
-    days[back + 1] = _DAY_S
-    return times_s + np.cumsum(days)
+    days = np.abs(np.diff(times_s) + _DAY_S) < 60
+    return times_s + np.r_[0.0, np.cumsum(days) * _DAY_S] if days.any() else times_s
 
 
 def _round_rate(rate_hz: float, stated_hz: float | None) -> float:
