@@ -12,13 +12,10 @@ import cv2
 import numpy as np
 import pytest
 
-import tega
 from reference.played import muscles
 from reference.taken_out import environment_without
 from tega.config import check_tree
-from tega.config.attached import config_text
 from tega.loop import run_session
-from tega_emulators.lab import PRESSED, emulated_lab
 
 pytestmark = [
     pytest.mark.slow,
@@ -58,37 +55,11 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "session": {"pace": "real", "duration_s": 1.0},
         "emg": muscles(1.0),
         "recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0},
-        "scene": [
-            {
-                "name": "front",
-                "source": str(folder / "film.avi"),
-                "width": 96,
-                "height": 64,
-                "rate_hz": 20.0,
-            }
-        ],
+        "scene": [{"name": "front", "source": "film.avi", "width": 96, "height": 64, "rate_hz": 20.0}],
     }
     summary = run_session(check_tree(tree, {}, base=folder).config)
     assert summary["recording"]["written"]["/scene/front/video"] > 0
     return folder / "session"
-
-
-def test_a_session_on_emulated_devices_runs_and_is_verified(teleop: Teleop, tmp_path: Path) -> None:
-    help_text = teleop("--help").stdout
-    assert "study" in help_text
-    assert "scene" not in help_text
-    with emulated_lab(tmp_path, fingers=("thumb",), vest=True, touch=PRESSED) as lab:
-        tree = {**lab.tree, "session": {"duration_s": 2.0}}
-        text = check_tree(tree, {}, base=tmp_path).config
-        (tmp_path / "lab.toml").write_text(config_text(text), encoding="utf-8")
-        ran = json.loads(teleop("run", "lab.toml", "--record", "session", "--json").stdout)
-        found = json.loads(teleop("doctor", "lab.toml", "--json").stdout)
-    assert ran["recording"]["state"] == "complete"
-    assert found["findings"]
-    (verified,) = json.loads(teleop("verify", "session", "--json").stdout)
-    assert {stream["differ"] for stream in verified["streams"]} == {0}
-    assert MISSING not in teleop("recording", "inspect", "session").stdout
-    assert teleop("recording", "export", "session", "--out", "tables").stdout.count(".csv") > 3
 
 
 def test_a_recording_with_its_video_opens_and_names_the_package(teleop: Teleop, filmed: Path) -> None:
@@ -106,12 +77,3 @@ def test_settings_with_its_table_are_refused_by_name(teleop: Teleop, tmp_path: P
     message = teleop("run", "lab.toml", code=1).stderr
     assert "lab.toml: scene: unknown key" in message
     assert "if this is a feature's table, install its package; else did" in message
-
-
-def test_no_file_of_the_core_names_it(python: Path) -> None:
-    assert (
-        subprocess.run([python, "-c", "import tega_scene"], capture_output=True, check=False).returncode == 1
-    )
-    files = [*Path(tega.__file__).parent.rglob("*.py")]
-    assert len(files) > 300
-    assert [file.name for file in files if "tega_scene" in file.read_text(encoding="utf-8")] == []

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 from xml.parsers import expat
 
 from tega.errors import RecordingError
@@ -51,25 +51,25 @@ def read_eaf(path: Path, known: Sequence[str] = ()) -> dict[str, list[CodedEvent
     annotations names one. Other tiers name their behaviour themselves. Annotations need a time.
     """
     try:
-        file = _EafFile(read_foreign(path, most_mib=_MOST_MIB))
+        slots_s, tiers, origin_s = _parsed(read_foreign(path, most_mib=_MOST_MIB))
     except OSError as error:
         raise RecordingError(
             f"{path.name}: cannot be read: {error.strerror}", f"looked for {path}"
         ) from error
-    except (expat.ExpatError, ValueError, KeyError, LookupError) as error:
+    except (expat.ExpatError, ET.ParseError, ValueError, LookupError) as error:
         raise RecordingError(f"{path.name}: is no ELAN file: {error}", "name an .eaf file") from error
     found: dict[str, list[CodedEvent]] = {}
-    for tier in file.tiers:
+    for tier in tiers:
         values = [known_code(value, known) for _, _, value in tier.annotations]
         code, rater = _tier_names(tier, known)
         by_value = all(values) and known_code(code, known) is None
         for (begin, end, value), named in zip(tier.annotations, values, strict=True):
-            if begin not in file.slots_s or end not in file.slots_s:
+            if begin not in slots_s or end not in slots_s:
                 raise RecordingError(
                     f"{path.name}: an annotation of tier {tier.name!r} has no time ({value[:40]!r})",
                     "align it in ELAN",
                 )
-            begin_s, end_s = file.slots_s[begin] + file.origin_s, file.slots_s[end] + file.origin_s
+            begin_s, end_s = slots_s[begin] + origin_s, slots_s[end] + origin_s
             if end_s < begin_s:
                 raise RecordingError(
                     f"{path.name}: an annotation of tier {tier.name!r} ends before it begins"
@@ -143,60 +143,39 @@ def write_eaf(
     write_whole(path, ET.tostring(root, encoding="utf-8", xml_declaration=True))
 
 
-class _EafFile:
-    """The used parts of an ELAN file; entities and types of document are refused, nothing is expanded.
+def _parsed(data: bytes) -> tuple[dict[str, float], list[_Tier], float]:
+    """Return the time of each slot that has one, the tiers, and the time of the first medium at which times begin.
 
-    Attributes:
-        slots_s: Time of each slot that has one, seconds.
-        tiers: Tiers with annotations that have times of their own.
-        origin_s: Time of the first medium at which the times begin, seconds.
+    Times are in seconds. Entities and types of document are refused, nothing is expanded.
     """
-
-    def __init__(self, data: bytes) -> None:
-        self.slots_s: dict[str, float] = {}
-        self.tiers: list[_Tier] = []
-        self.origin_s = 0.0
-        self._n_media, self._depth, self._root = 0, 0, ""
-        self._slots, self._value = ("", ""), ""
-        parser = expat.ParserCreate()
-        parser.buffer_text = True
-        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
-        handlers: Mapping[str, Callable[..., Any]] = {
-            "StartDoctypeDeclHandler": _refuse,
-            "EntityDeclHandler": _refuse,
-            "CharacterDataHandler": self._characters,
-        }
-        for name, handler in handlers.items():
-            setattr(parser, name, handler)
-        parser.Parse(data, True)  # noqa: FBT003  # this is the end of the data
-        if self._root != "ANNOTATION_DOCUMENT":
-            raise ValueError(f"it begins with {self._root!r}")
-
-    def _start(self, name: str, attributes: dict[str, str]) -> None:
-        self._root = self._root or name
-        match name:
-            case "HEADER" if attributes.get("TIME_UNITS", "milliseconds") != "milliseconds":
-                raise ValueError(f"its times are in {attributes['TIME_UNITS']}")
-            case "MEDIA_DESCRIPTOR":
-                self._n_media += 1
-                if self._n_media == 1:
-                    self.origin_s = int(attributes.get("TIME_ORIGIN", "0")) / 1000
-            case "TIME_SLOT" if "TIME_VALUE" in attributes:
-                self.slots_s[attributes["TIME_SLOT_ID"]] = int(attributes["TIME_VALUE"][:18]) / 1000
-            case "TIER":
-                rater, subject = (attributes.get(key, "") for key in ("ANNOTATOR", "PARTICIPANT"))
-                self.tiers.append(_Tier(attributes["TIER_ID"], rater, subject, []))
-            case "ALIGNABLE_ANNOTATION":
-                self._slots, self._value = (attributes["TIME_SLOT_REF1"], attributes["TIME_SLOT_REF2"]), ""
-
-    def _characters(self, text: str) -> None:
-        self._value += text
-
-    def _end(self, name: str) -> None:
-        if name == "ALIGNABLE_ANNOTATION" and self.tiers:
-            self.tiers[-1].annotations.append((*self._slots, self._value.strip()))
-        elif name != "ANNOTATION_VALUE":
-            self._value = ""
+    guard = expat.ParserCreate()
+    guard.StartDoctypeDeclHandler = guard.EntityDeclHandler = _refuse
+    guard.Parse(data, True)  # noqa: FBT003  # this is the end of the data
+    root = ET.fromstring(data)
+    if root.tag != "ANNOTATION_DOCUMENT":
+        raise ValueError(f"it begins with {root.tag!r}")
+    for header in root.iter("HEADER"):
+        if (unit := header.get("TIME_UNITS", "milliseconds")) != "milliseconds":
+            raise ValueError(f"its times are in {unit}")
+    origin = next((medium.get("TIME_ORIGIN", "0") for medium in root.iter("MEDIA_DESCRIPTOR")), "0")
+    slots_s = {
+        slot.attrib["TIME_SLOT_ID"]: int(slot.attrib["TIME_VALUE"][:18]) / 1000
+        for slot in root.iter("TIME_SLOT")
+        if "TIME_VALUE" in slot.attrib
+    }
+    tiers = []
+    for tier in root.iter("TIER"):
+        found = [
+            (
+                one.attrib["TIME_SLOT_REF1"],
+                one.attrib["TIME_SLOT_REF2"],
+                one.findtext("ANNOTATION_VALUE", "").strip(),
+            )
+            for one in tier.iter("ALIGNABLE_ANNOTATION")
+        ]
+        rater, subject = tier.get("ANNOTATOR", ""), tier.get("PARTICIPANT", "")
+        tiers.append(_Tier(tier.attrib["TIER_ID"], rater, subject, found))
+    return slots_s, tiers, int(origin[:18]) / 1000
 
 
 def _refuse(*_declared: object) -> None:
