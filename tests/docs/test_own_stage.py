@@ -9,7 +9,7 @@ import sys
 import venv
 from importlib.metadata import distributions
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -66,7 +66,7 @@ print(json.dumps({
 }))
 """
 
-STAGES = {
+STAGES: dict[str, dict[str, Any]] = {
     "metric": {"name": "embedding", "options": {"components": 2}},
     "decoder": {"name": "one-channel", "options": {"channel": 2}},
     "mapping": {"name": "bars"},

@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 from collections.abc import Callable
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 import scipy.io
 
 from reference.can_logs import conversation, write_log
+from reference.kept import NOW
 from reference.recordings import pressed, write_video
 from reference.videos import encode, numbered
 from tega.config import load_config
@@ -52,11 +52,19 @@ def _read_hand(path: Path) -> None:
     home.hand("p01")
 
 
-def _read_video(path: Path) -> None:
-    with VideoFile(VideoFileOptions(file=path)) as video:
+def _read_pictures(source: Any) -> None:
+    with source:
         for _ in range(50):
-            if video.read(0.0) is None:
+            if source.read(0.0) is None:
                 return
+
+
+def _read_video(path: Path) -> None:
+    _read_pictures(VideoFile(VideoFileOptions(file=path)))
+
+
+def _read_stack(path: Path) -> None:
+    _read_pictures(StackFile(StackFileOptions(file=path)))
 
 
 def _encoded_video(path: Path, codec: str) -> bytes:
@@ -71,13 +79,6 @@ def _decode_log(path: Path) -> None:
     log = HandLog(*find_hand(read_can_log(path), device_id=None, channel=None))
     for _ in log.states(read_can_log(path)):
         pass
-
-
-def _read_stack(path: Path) -> None:
-    with StackFile(StackFileOptions(file=path)) as stack:
-        for _ in range(50):
-            if stack.read(0.0) is None:
-                return
 
 
 def _npz() -> bytes:
@@ -109,7 +110,7 @@ def npy(array: Any) -> bytes:
 
 def _mat() -> bytes:
     file = io.BytesIO()
-    scipy.io.savemat(file, {"emg": np.arange(60.0).reshape(20, 3)}, do_compression=True)
+    scipy.io.savemat(file, {"emg": _SAMPLES}, do_compression=True)
     return file.getvalue()
 
 
@@ -132,9 +133,6 @@ def _boris() -> bytes:
     return json.dumps({"observations": {"p01-t01_r1": {"events": [event, event]}}}).encode()
 
 
-_MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
-
-
 def _note_trial(path: Path) -> None:
     SessionFolder(path.parent).note("trial-001.mcap", {"task": "lift"})
 
@@ -143,23 +141,16 @@ def _read_unfinished(path: Path) -> None:
     home = CalibrationFolder(path.parent / "kept")
     home.person("p01").mkdir(parents=True, exist_ok=True)
     shutil.copy(path, home.person("p01") / "unfinished.json")
-    home.unfinished("p01", _MADE)
+    home.unfinished("p01", NOW)
 
 
+_SAMPLES = np.arange(60.0).reshape(20, 3)
 _INDEX = (
     b'{"format": "tega-session", "version": 1, "trials": [{"file": "trial-001.mcap", "state": "complete"}]}'
 )
-
-
 _DOSE = json.dumps([{"ended_s": 5.0, "dose_s": [1.5] * 40, "heat": [0.2] * 40}]).encode()
-
-
 _POSES = b"t_s,x_m,y_m,z_m,qw,qx,qy,qz\n0.0,0.1,0.2,0.3,1,0,0,0\n0.1,0.1,0.2,0.3,1,0,0,0\n"
-
-
 _EVENTS = b"Observation id,Behavior,Time\np01-t01,slip,1.5\np01-t01,drop,2.5\n"
-
-
 _AGGREGATED = (
     b"Observation id;Behavior;Behavior type;Start (s);Stop (s);Modifier #1;Comment start\n"
     b"p01;slip;STATE;1,5;2,5;long;x\np01;drop;POINT;3,5;NA;;\n"
@@ -178,7 +169,7 @@ READERS: dict[str, Reader] = {
     "poses of the hand": ("poses.toml", lambda _: b"[level-1]\nindex = [0, 0, 0, 0]\n", load_poses),
     "poses": ("poses.csv", lambda _: _POSES, read_poses),
     "EMG table": ("emg.csv", lambda _: b"a,b,c\n1,2,3\n4,5,6.5\n7,8,9e3\n", read_signals),
-    "EMG npy": ("emg.npy", lambda _: npy(np.arange(60.0).reshape(20, 3)), read_signals),
+    "EMG npy": ("emg.npy", lambda _: npy(_SAMPLES), read_signals),
     "EMG mat": ("emg.mat", lambda _: _mat(), read_signals),
     "PNG": ("a.png", lambda _: _encoded(".png"), lambda p: read_image(p, driver="images")),
     "JPEG": ("a.jpg", lambda _: _encoded(".jpg"), lambda p: read_image(p, driver="images")),
@@ -200,7 +191,7 @@ READERS: dict[str, Reader] = {
     ),
     "unfinished calibration": (
         "unfinished.json",
-        lambda _: msgspec.json.encode(Unfinished(started=_MADE, devices={"emg": "tty"}, steps={"emg": "x"})),
+        lambda _: msgspec.json.encode(Unfinished(started=NOW, devices={"emg": "tty"}, steps={"emg": "x"})),
         _read_unfinished,
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),

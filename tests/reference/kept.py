@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from pathlib import Path
 from typing import Any, Final
 
 from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration
-from tega.config.calibration.store import TouchMaxima
+from tega.config.calibration.store import Calibration, EmgMaxima, TouchMaxima, save_calibration
 
 NOW: Final = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 VEST: Final = "127.0.0.1_15881"
 _THREE = (1.0, 1.0, 1.0)
+
+
+def muscle_file(folder: Path, *full: float, rate_hz: float) -> Path:
+    """Write a calibration of raw EMG channels with these maxima, and return its file."""
+    names = tuple(f"ch{k}" for k in range(1, len(full) + 1))
+    emg = EmgMaxima(kind="raw", rate_hz=rate_hz, tau=round(rate_hz / 10), channels=names, maxima=full)
+    save_calibration(Calibration(preset="live", origin="a test", emg=emg), folder / "c.toml")
+    return folder / "c.toml"
 
 
 def touch(**more: Any) -> TouchRecord:

@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 
 from hazards.bench import Lab, lab
+from reference.kept import muscle_file
 from reference.processes import begun_by
 from tega.config import check_tree
-from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.errors import RecordingError
 from tega.loop import rig, run_session
 from tega.recording.mcap_reader import McapReader
@@ -101,14 +101,10 @@ def test_an_electrode_that_moved_is_an_alert(tmp_path: Path) -> None:
     rng, rate_hz = np.random.default_rng(1), 1000
     shares = np.repeat([[1.0, 0.3], [0.3, 1.0]], 20 * rate_hz, axis=0)
     np.save(tmp_path / "emg.npy", 100 * shares * rng.standard_normal(shares.shape))
-    maxima = EmgMaxima(
-        kind="raw", rate_hz=float(rate_hz), tau=100, channels=("ch1", "ch2"), maxima=(100.0, 100.0)
-    )
-    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), tmp_path / "c.toml")
     options = {"file": "emg.npy", "rate_hz": float(rate_hz)}
     tree = {
         "session": {"pace": "fast"},
-        "calibration": {"file": "c.toml"},
+        "calibration": {"file": str(muscle_file(tmp_path, 100.0, 100.0, rate_hz=float(rate_hz)))},
         "emg": {"driver": "emg-file", "kind": "raw", "options": options},
         "recording": {"dir": "recorded", "stop_free_mib": 0.0},
     }

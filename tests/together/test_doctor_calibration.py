@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 
 from reference.command import call
-from reference.kept import NOW, muscles, touch, worn
+from reference.kept import NOW, muscle_file, muscles, touch, worn
 from tega.config import load_config
-from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import write_record
 from tega.config.person import driver_settings
@@ -127,9 +126,7 @@ def test_a_damaged_one_is_wrong(lab: Path) -> None:
 def test_a_file_that_does_not_fit_or_is_not_there(lab: Path) -> None:
     (missing,) = reported(lab, f"calibration.file={lab / 'none.toml'}")
     assert missing.status == "missing"
-    maxima = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1",), maxima=(1.0,))
-    save_calibration(Calibration(preset="live", origin="test", emg=maxima), lab / "c.toml")
-    (wrong,) = reported(lab, f"calibration.file={lab / 'c.toml'}")
+    (wrong,) = reported(lab, f"calibration.file={muscle_file(lab, 1.0, rate_hz=500.0)}")
     assert wrong.status == "error"
     assert wrong.finding == "c.toml: has no maxima for finger 'thumb'"
     assert wrong.todo[-1].endswith("tega-teleop calibrate lab.toml --person ID")

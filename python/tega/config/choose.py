@@ -121,11 +121,6 @@ def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima
     return decoder
 
 
-def mapping_choice(stages: StagesSection, preset: Preset) -> str:
-    """Return the name of the mapping, as recordings say it."""
-    return chosen_stage("mapping", stages, preset).name
-
-
 def decoder_choice(config: SessionConfig) -> tuple[str, str]:
     """Return the name under which a decoder's results are kept, and its options as JSON."""
     chosen = chosen_stage("decoder", config.stages, config.session.preset)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from tega.config import SessionConfig
 from tega.config.attached import attached_files, config_text
 from tega.config.calibration.store import Calibration, calibration_text
-from tega.config.choose import mapping_choice, metric_choice
+from tega.config.choose import chosen_stage, metric_choice
 from tega.config.guests import guest_files, guest_packages
 from tega.loop.pacing import LoopReport
 from tega.loop.parts import Part, PartContext, RunStart
@@ -118,7 +118,7 @@ class Recording(Part):
                 "sent": "every",
                 "lossless": str(config.recording.lossless).lower(),
                 "metric": metric_choice(config.stages, config.session.preset),
-                "mapping": mapping_choice(config.stages, config.session.preset),
+                "mapping": chosen_stage("mapping", config.stages, config.session.preset).name,
                 "config_sha256": sha256(text.encode()).hexdigest(),
                 "calibration": calibration_name,
             },

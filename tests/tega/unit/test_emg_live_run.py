@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.kept import muscle_file
 from reference.parts import Given, observed
 from tega.config import SessionConfig, check_tree
-from tega.config.calibration import Calibration, EmgMaxima, save_calibration
+from tega.config.calibration import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.loop.inbox.sources import BlockMeter, SourceReport, grasp_blocks
 from tega.loop.session import run_session
@@ -54,13 +55,9 @@ def test_missing_samples_take_their_time() -> None:
 
 def _settings(folder: Path, port: str, *, duration_s: float) -> SessionConfig:
     """Return the settings of a run on a calibrated Cyton."""
-    maxima = EmgMaxima(
-        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
-    )
-    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), folder / "c.toml")
     tree: dict[str, Any] = {
         "session": {"duration_s": duration_s, "out_dir": str(folder / "out")},
-        "calibration": {"file": str(folder / "c.toml")},
+        "calibration": {"file": str(muscle_file(folder, 300.0, 300.0, 300.0, rate_hz=250.0))},
         "emg": {"driver": "cyton", "kind": "raw", "options": {"port": port, "measure_s": 0.25}},
     }
     return check_tree(tree, {}, base=folder).config

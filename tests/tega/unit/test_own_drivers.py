@@ -10,11 +10,11 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
+from reference.kept import muscle_file
 from reference.parts import observed
 from tega.config import check_tree
-from tega.config.calibration import Calibration, EmgMaxima, save_calibration
 from tega.devices import registry
-from tega.devices.base import DeviceInfo, EmgChunk, Options, SteeredHand, optional
+from tega.devices.base import DeviceInfo, EmgChunk, Found, Options, SteeredHand, optional
 from tega.errors import CalibrationError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop.maxima import emg_conditions
@@ -22,6 +22,7 @@ from tega.loop.session import run_session
 from tega.runtime import features as plugins
 from tega.setup.calibration.sitting import Times
 from tega.setup.calibration.steps_emg import MuscleSteps
+from tega.setup.doctor import probe_all
 from tega.ui.cli.guide import LineGuide
 
 _RATE_HZ = 500.0
@@ -99,9 +100,18 @@ class OwnHand(Own):
 
 
 class PlainHand(OwnHand):
-    """One that says nothing of itself."""
+    """One that says nothing of itself, and can be found."""
 
     problem = property()  # as if there were none
+
+    @classmethod
+    def discover(cls, _timeout_s: float) -> list[Found]:
+        return [Found(driver="plain-hand", label="plain")]
+
+    def open(self) -> None:
+        assert self.may_open, "a hand was opened that cannot be opened without force"
+
+    may_open: ClassVar[bool] = True
 
 
 @pytest.fixture
@@ -120,13 +130,9 @@ def installed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def alerts_of(tmp_path: Path, hand: str) -> set[str]:
-    maxima = EmgMaxima(
-        kind="raw", rate_hz=_RATE_HZ, tau=50, channels=("ch1", "ch2", "ch3"), maxima=(1.0, 1.0, 1.0)
-    )
-    save_calibration(Calibration(preset="live", origin="a test", emg=maxima), tmp_path / "c.toml")
     tree = {
         "session": {"duration_s": 1.5, "out_dir": str(tmp_path / hand)},
-        "calibration": {"file": str(tmp_path / "c.toml")},
+        "calibration": {"file": str(muscle_file(tmp_path, 1.0, 1.0, 1.0, rate_hz=_RATE_HZ))},
         "emg": {"driver": "own-emg", "kind": "raw"},
         "hand": {"driver": hand},
     }
@@ -151,6 +157,16 @@ def test_a_run_shows_what_a_hand_and_an_amplifier_of_others_have_to_say(tmp_path
 def test_a_hand_that_says_nothing_of_itself_is_run_all_the_same(tmp_path: Path) -> None:
     assert optional(PlainHand(Options()), "problem") == ""
     assert not any("hand" in alert for alert in alerts_of(tmp_path, "plain-hand"))
+
+
+@pytest.mark.usefixtures("installed")
+def test_a_hand_that_is_found_takes_part_in_a_check_that_does_not_open_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(PlainHand, "may_open", False)
+    (finding,) = [f for f in probe_all().findings if f.driver == "plain-hand"]
+    assert finding.check == "allegro"
+    assert "was not opened" in finding.finding
 
 
 def test_the_converters_limits_of_others_are_used_in_calibration(capsys: pytest.CaptureFixture[str]) -> None:

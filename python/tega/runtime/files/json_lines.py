@@ -69,7 +69,8 @@ class JsonLines(Generic[Entry]):
         self._path = path
         self._file: IO[bytes] = open_to_append(path)
         try:
-            _lock(self._file, path, taken)
+            if not lock_file(self._file, path):
+                raise DeviceUnavailableError(*taken)  # noqa: TRY301  # the file is closed below
             self._file.seek(0)
             content = self._file.read()
             self.entries, good = _parse(content, path, kind, subject)
@@ -107,11 +108,6 @@ class JsonLines(Generic[Entry]):
     def __exit__(self, *_error: object) -> None:
         """Close the file."""
         self.close()
-
-
-def _lock(file: IO[bytes], path: Path, taken: tuple[str, str]) -> None:
-    if not lock_file(file, path):
-        raise DeviceUnavailableError(*taken)
 
 
 def _sync_folder(folder: Path) -> None:

@@ -142,21 +142,6 @@ _OUTLINED = 1.05
 _NOMINAL_PX = 320 * 240
 
 
-def _round_mm(ball: Ball) -> float:
-    radius_mm = ball.diameter_mm / 2
-    across, along = (1 / (1 / radius_mm + 1 / gel) for gel in GEL_RADII_MM)
-    return math.sqrt(across * along)
-
-
-def ball_depth_mm(ball: Ball, stiffness_n_mm3: float) -> float:
-    """Return how deep a ball goes into a gel that gives way like springs side by side.
-
-    Force is stiffness times pressed volume, and a cap of depth d of two bodies has the volume π d² √(Ra Rb), with
-    1/R = 1/R_ball + 1/R_gel in either direction.
-    """
-    return math.sqrt(ball.force_n / (math.pi * stiffness_n_mm3 * _round_mm(ball)))
-
-
 def held(contacts: Sequence[Contact]) -> Contact | None:
     """Return the contact of a press while it was held: the middle one of the deeper half; ``None`` without any."""
     felt = [c for c in contacts if c.in_contact and c.depth_mm and c.force_n]
@@ -175,7 +160,11 @@ def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
     ``CalibrationError`` if none was felt.
     """
     nominal = nominal_light()
-    depth_mm = ball_depth_mm(ball, nominal.stiffness_n_mm3)
+    # A gel gives way like springs side by side: force is stiffness times pressed volume, and a cap of depth d of two
+    # bodies has the volume π d² √(Ra Rb), with 1/R = 1/R_ball + 1/R_gel in either direction.
+    across_mm, along_mm = (1 / (2 / ball.diameter_mm + 1 / gel) for gel in GEL_RADII_MM)
+    round_mm = math.sqrt(across_mm * along_mm)
+    depth_mm = math.sqrt(ball.force_n / (math.pi * nominal.stiffness_n_mm3 * round_mm))
     # Of a contact only what was read is looked at, which a record of it has as well.
     known = [
         KnownPress(cast("TrackedContact", contact), ball.force_n, depth_mm)
@@ -188,7 +177,7 @@ def fit_gel(presses: Sequence[Sequence[Contact]], ball: Ball) -> GelFit:
     gain = float(np.abs(nominal.terms).max() / np.abs(light.terms).max())
     radius_px = [math.sqrt((press.contact.broad or 0.0) * _NOMINAL_PX / math.pi) for press in known]
     # The radius of the disc over which a ball touches is √(2 d √(Ra Rb)), d the depth.
-    radius_mm = math.sqrt(2 * depth_mm * _round_mm(ball))
+    radius_mm = math.sqrt(2 * depth_mm * round_mm)
     mm_per_px = _OUTLINED * radius_mm / (sum(radius_px) / len(radius_px))
     # Depth goes with gain times scale, force with gain times the cube of the scale.
     larger = mm_per_px / nominal.mm_per_px

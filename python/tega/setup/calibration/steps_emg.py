@@ -75,7 +75,9 @@ def collect(
             n += len(chunk.samples)
         if gone_s - displayed_s > _SHOW_S and chunks:
             displayed_s = gone_s
-            now = _swing(chunks[-20:])
+            # The mean distance from the mean over the last moments: enough for a bar.
+            last = np.concatenate([c.samples for c in chunks[-20:]])
+            now = np.abs(last - last.mean(axis=0)).mean(axis=0)
             top = np.maximum(top, now)
             shares = now / (top if full is None else np.maximum(full, 1e-9))
             bars = [
@@ -88,13 +90,6 @@ def collect(
             f"{n} samples came in {seconds:g} s, about {expected:.0f} were expected", "check power and cable"
         )
     return chunks
-
-
-def _swing(chunks: list[EmgChunk]) -> NDArray[np.float64]:
-    """Mean distance from the mean over the last moments: enough for a bar."""
-    samples = np.concatenate([c.samples for c in chunks])
-    moved: NDArray[np.float64] = np.abs(samples - samples.mean(axis=0)).mean(axis=0)
-    return moved
 
 
 def drain(source: EmgSource) -> None:

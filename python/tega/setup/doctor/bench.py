@@ -144,7 +144,17 @@ def probe_all() -> Examination:
     """
     looked = {name: there for name, there in probe_drivers().items() if there.kind in ROLES.values()}
     cases: list[DriverCase] = []
-    findings = _packages(looked)
+    findings: list[Finding] = []
+    if lacking := {name: there for name, there in looked.items() if there.lacks_package}:
+        findings.append(
+            Finding(
+                check="packages",
+                status="missing",
+                finding="packages that drivers need are not installed",
+                why=f"these could not look for their devices: {', '.join(lacking)}",
+                todo=tuple(dict.fromkeys(there.hint for there in lacking.values() if there.hint)),
+            )
+        )
     for check, kind in ROLES.items():
         for name, there in looked.items():
             for found in there.found if there.kind == kind else ():
@@ -211,22 +221,6 @@ def _seen(check: str, found: Found) -> Finding:
         status, text, step = "error", found.problem, found.hint
     case = DriverCase(check, ROLES[check], found.driver, None)
     return case.reported(found.label, status, text, why=found.note, todo=(step,) if step else ())
-
-
-def _packages(looked: Mapping[str, DriverProbe]) -> list[Finding]:
-    """Return one finding for all packages without which some drivers cannot search."""
-    lacking = {name: there for name, there in looked.items() if there.lacks_package}
-    if not lacking:
-        return []
-    return [
-        Finding(
-            check="packages",
-            status="missing",
-            finding="packages that drivers need are not installed",
-            why=f"these could not look for their devices: {', '.join(lacking)}",
-            todo=tuple(dict.fromkeys(there.hint for there in lacking.values() if there.hint)),
-        )
-    ]
 
 
 def _absent(check: str, looked: Mapping[str, DriverProbe]) -> Finding:

@@ -177,7 +177,7 @@ def _repeated(times_s: NDArray[np.float64], samples: NDArray[np.float64]) -> NDA
         )
         for part in np.array_split(same, 1 + len(same) // _BLOCK)  # so that little more memory is taken
     ]
-    rows = same[np.concatenate(equal)]
+    rows: NDArray[np.int64] = same[np.concatenate(equal)]
     return rows if len(rows) >= 0.9 * len(same) else rows[:0]
 
 
