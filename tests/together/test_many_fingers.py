@@ -55,7 +55,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bus.subscribe(Snapshot, views.append, name="test")
     summary = run_session(check_tree(settings, {}, base=folder).config, bus=bus)
     assert list(summary["tactile"]) == list(views[-1].view.fingers) == NAMES
-    return folder / summary["recording"]["file"]
+    return folder / str(summary["recording"]["file"])
 
 
 def test_every_finger_is_recorded_and_computed_again_bit_for_bit(recorded: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,12 +21,13 @@ from tega.config.sections import (
     InputSection,
     SessionConfig,
 )
-from tega.config.stage_sections import DEFAULT_STAGES, STAGE_GROUPS, ReflexSection, StageConfig, StagesSection
+from tega.config.stage_sections import DEFAULT_STAGES, STAGE_GROUPS, StagesSection
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError, InvalidValueError
 from tega.haptics.motor_layout import find_layout
 from tega.records.types import record_types
 from tega.runtime.features import named
+from tega.runtime.files.toml_text import tree_values
 from tega.stages.columns import column_of_each
 from tega.stages.registry import stage_class
 
@@ -41,25 +43,19 @@ _TAKEN: Final = {*SessionConfig.__struct_fields__, "forearm"}
 
 def check_magnitudes(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
     """Refuse a number of the settings that is neither 0 nor :data:`LEAST` to :data:`MOST` in size."""
-    for key, value in _numbers(tree, ""):
-        if value != 0 and not LEAST <= abs(value) <= MOST:
+    for key, value in tree_values(tree):
+        # The schema checks other values.
+        if (
+            isinstance(value, float)
+            and value != 0
+            and math.isfinite(value)
+            and not LEAST <= abs(value) <= MOST
+        ):
             size = "small" if abs(value) < LEAST else "large"
             raise ConfigError(
                 f"{where(origins, key)}: {key} = {value!r} is too {size}",
                 f"numbers are 0, or {LEAST:g} to {MOST:g} in size: is the unit right?",
             )
-
-
-def _numbers(value: Any, key: str) -> Iterator[tuple[str, float]]:
-    """Return every finite number with its key; the schema checks other values."""
-    if isinstance(value, Mapping):
-        for name, one in value.items():
-            yield from _numbers(one, f"{key}.{name}" if key else str(name))
-    elif isinstance(value, list | tuple):
-        for k, one in enumerate(value):
-            yield from _numbers(one, f"{key}[{k}]")
-    elif isinstance(value, float) and abs(value) < float("inf"):
-        yield key, value
 
 
 @contextmanager
@@ -202,54 +198,38 @@ def _typed_stages(
     config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
 ) -> StagesSection:
     """Return the stages with the options that each of them has, and refuse names that nothing has."""
-    sections: dict[str, StageConfig] = {}
-    for group in STAGE_GROUPS:
-        section: StageConfig = getattr(config.stages, group)
-        key = f"stages.{group}"
+
+    def typed(section: Any, group: Any, name: str, key: str) -> Any:
         with _named(origins, f"{key}.name"):
-            wanted = stage_class(group, section.name or DEFAULT_STAGES[config.session.preset][group])
+            wanted = stage_class(group, name)
         options = convert(section.options, wanted.options_type, f"{key}.options")
-        sections[group] = msgspec.structs.replace(section, options=options)
+        return msgspec.structs.replace(section, options=options)
+
+    stages, names = config.stages, DEFAULT_STAGES[config.session.preset]
+    changed: dict[str, Any] = {
+        group: typed(section, group, section.name or names[group], f"stages.{group}")
+        for group in STAGE_GROUPS
+        for section in (getattr(stages, group),)
+    }
     if config.vest.layout is not None:
         try:
             find_layout(config.vest.layout)
         except InvalidValueError as error:
             place = where(origins, "vest.layout")
             raise ConfigError(f"{place}: vest.{error.message}", error.hint) from None
-    beside = []
-    for number, one in enumerate(config.stages.beside):
-        key = f"stages.beside[{number}]"
-        with _named(origins, f"{key}.name"):
-            wanted = stage_class(one.group, one.name)
-        typed = convert(one.options, wanted.options_type, f"{key}.options")
-        beside.append(msgspec.structs.replace(one, options=typed))
-    return StagesSection(
-        **sections,
-        beside=tuple(beside),
-        adaptation=config.stages.adaptation,
-        slips=config.stages.slips,
-        reflex=_typed_reflex(config, origins, convert),
+    changed["beside"] = tuple(
+        typed(one, one.group, one.name, f"stages.beside[{number}]")
+        for number, one in enumerate(stages.beside)
     )
-
-
-def _typed_reflex(
-    config: SessionConfig, origins: Mapping[str, str], convert: Callable[[Any, Any, str], Any]
-) -> ReflexSection:
-    """Return the reflex with its own options; one without a name is off, and has none."""
-    reflex, key = config.stages.reflex, "stages.reflex"
-    if reflex.name is None:
-        if reflex.authority > 0 or reflex.options:
-            place = where(origins, f"{key}.authority" if reflex.authority > 0 else key)
-            raise ConfigError(
-                f"{place}: {key} has settings, but {key}.name is not set",
-                f'name a reflex, such as {key}.name = "grip", or leave them out',
-            )
-        return reflex
-    with _named(origins, f"{key}.name"):
-        wanted = stage_class("reflex", reflex.name)
-    return msgspec.structs.replace(
-        reflex, options=convert(reflex.options, wanted.options_type, f"{key}.options")
-    )
+    if (reflex := stages.reflex).name is not None:
+        changed["reflex"] = typed(reflex, "reflex", reflex.name, "stages.reflex")
+    elif reflex.authority > 0 or reflex.options:  # one without a name is off, and has none
+        place = where(origins, f"stages.reflex{'.authority' if reflex.authority > 0 else ''}")
+        raise ConfigError(
+            f"{place}: stages.reflex has settings, but stages.reflex.name is not set",
+            'name a reflex, such as stages.reflex.name = "grip", or leave them out',
+        )
+    return msgspec.structs.replace(stages, **changed)
 
 
 def _check_dead_man(seat: InputConfig | None) -> None:

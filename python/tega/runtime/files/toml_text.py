@@ -88,18 +88,21 @@ def toml_hint(text: str, error: ValueError) -> str:
 
 def swallowed_escape(tree: object) -> tuple[str, str] | None:
     r"""Return key and text of a value that a backslash has changed, such as ``"C:\temp"`` with a tab in it."""
-    for key, value in _texts(tree, ""):
-        if re.search("[\b\t\f\r]", value) or (re.match("[A-Za-z]:", value) and "\n" in value):
+    for key, value in tree_values(tree):
+        if isinstance(value, str) and (
+            re.search("[\b\t\f\r]", value) or (re.match("[A-Za-z]:", value) and "\n" in value)
+        ):
             return key, value
     return None
 
 
-def _texts(tree: Any, key: str) -> Iterator[tuple[str, str]]:
-    if isinstance(tree, str):
-        yield key, tree
-    elif isinstance(tree, dict):
+def tree_values(tree: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield every value in nested tables and lists with its key, such as ``emg.options.channels[1]``."""
+    if isinstance(tree, Mapping):
         for name, value in tree.items():
-            yield from _texts(value, f"{key}.{name}" if key else name)
-    elif isinstance(tree, list):
-        for value in tree:
-            yield from _texts(value, key)
+            yield from tree_values(value, f"{key}.{name}" if key else str(name))
+    elif isinstance(tree, list | tuple):
+        for k, value in enumerate(tree):
+            yield from tree_values(value, f"{key}[{k}]")
+    else:
+        yield key, tree

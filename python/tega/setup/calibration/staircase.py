@@ -13,6 +13,8 @@ Example:
 
 from __future__ import annotations
 
+import math
+from collections.abc import Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -27,7 +29,6 @@ LEVEL_PERCENT: tuple[int, ...] = tuple(
 )
 """The lowest percentage that reaches the motor as each level."""
 
-_SERIES = 2
 # A series begins so far on the other side of where the one before it ended.
 _OVERLAP = 2
 
@@ -54,87 +55,57 @@ class Ladder:
     The first way up goes two levels at a time and only finds the neighbourhood. One question of the second
     way up is without vibration (level 0), which exposes people who always say yes. The search ends after a
     bounded number of questions whatever the answers, and never exceeds the ceiling, a level from 1 to 15.
+
+    Attributes:
+        level: Level of the question; ``None`` once the search has ended.
+        share: Share of the search that is done, 0 to 1.
     """
 
     def __init__(self, ceiling: int) -> None:
         if not 1 <= ceiling <= TOP_LEVEL:
             raise InvalidValueError(f"ceiling = {ceiling} is out of range: level 1 to {TOP_LEVEL}")
-        self._ceiling = ceiling
-        self._crossings: list[float] = []
-        self._series = 0
-        self._requested_nothing = True
-        self._n_false = self._n_trials = 0
-        self._unfelt = False
-        self.level: int | None = min(2, ceiling)
-
-    @property
-    def share(self) -> float:
-        """Share of the search that is done, 0 to 1."""
-        return 1.0 if self.level is None else self._series / (_SERIES + 1)
+        self.share = 0.0
+        self._found: Limen | None = None
+        self._questions = self._ask(ceiling)
+        self.level: int | None = next(self._questions)
 
     def answer(self, *, felt: bool) -> None:
         """Take the answer to the question about ``level``, while there is one."""
-        level = self.level
-        if level is None:
+        if self.level is None:
             raise InvalidValueError("the ladder has ended: there is no question to answer")
-        self._n_trials += 1
-        if level == 0 and self._going_up:
-            self._n_false += felt
-            self._requested_nothing = True
-            self.level = self._waiting
-        elif self._going_up:
-            self._up(level, felt=felt)
-        else:
-            self._down(level, felt=felt)
+        try:
+            self.level = self._questions.send(felt)
+        except StopIteration as end:
+            self.level, self.share, self._found = None, 1.0, end.value
 
     def result(self) -> Limen:
         """Return the lowest level that is felt; only once the search has ended."""
-        if self.level is not None:
+        if self._found is None:
             raise InvalidValueError("the ladder has not ended")
-        if self._unfelt or not self._crossings:
-            return Limen(None, self._n_false, self._n_trials)
-        middle = sum(self._crossings) / len(self._crossings)
-        # Crossings lie half way between two levels; of those the upper one is felt.
-        found = max(1, min(self._ceiling, -int(-middle // 1)))
-        return Limen(found, self._n_false, self._n_trials)
+        return self._found
 
-    @property
-    def _going_up(self) -> bool:
-        return self._series % 2 == 0
-
-    def _up(self, level: int, *, felt: bool) -> None:
-        if felt:
-            if self._series:
-                self._crossings.append(level - 0.5)
-            self._turn(level)
-        elif level == self._ceiling:
-            self._unfelt, self.level = True, None
-        else:
-            self._ask(min(self._ceiling, level + (1 if self._series else 2)))
-
-    def _down(self, level: int, *, felt: bool) -> None:
-        if not felt:
-            self._crossings.append(level + 0.5)
-            self._turn(level)
-        elif level == 1:
-            self._crossings.append(0.5)
-            self._turn(0)
-        else:
-            self._ask(level - 1)
-
-    def _turn(self, level: int) -> None:
-        self._series += 1
-        if self._series > _SERIES:
-            self.level = None
-        elif self._going_up:
-            self._requested_nothing = False
-            self._ask(max(1, level - _OVERLAP))
-        else:
-            self._ask(min(self._ceiling, level + _OVERLAP))
-
-    def _ask(self, level: int) -> None:
-        if not self._requested_nothing and self._going_up:
-            # Before the first question of a way up that could be answered by habit.
-            self._waiting, self.level = level, 0
-            return
-        self.level = level
+    def _ask(self, ceiling: int) -> Generator[int, bool, Limen]:
+        """Yield the level of each question and receive whether it was felt; crossings lie half way between levels."""
+        level, n_trials = min(2, ceiling), 1
+        while not (yield level):
+            if level == ceiling:
+                return Limen(None, 0, n_trials)
+            level, n_trials = min(ceiling, level + 2), n_trials + 1
+        self.share = 1 / 3
+        level, n_trials = min(ceiling, level + _OVERLAP), n_trials + 1
+        while felt := (yield level):
+            if level == 1:
+                break
+            level, n_trials = level - 1, n_trials + 1
+        end, crossing = (0, 0.5) if felt else (level, level + 0.5)
+        self.share = 2 / 3
+        # Nothing vibrates before the first question of a way up that could be answered by habit.
+        n_false = int((yield 0))
+        level, n_trials = max(1, end - _OVERLAP), n_trials + 2
+        while not (yield level):
+            if level == ceiling:
+                return Limen(None, n_false, n_trials)
+            level, n_trials = level + 1, n_trials + 1
+        # Of the two levels around the middle of the crossings the upper one is felt.
+        middle = (crossing + level - 0.5) / 2
+        return Limen(max(1, min(ceiling, math.ceil(middle))), n_false, n_trials)

@@ -179,7 +179,7 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     Return at least one finding for each, in their order, and then those about several together.
     """
     cameras: list[FoundCamera] = []
-    tries = {
+    tries: dict[str, Callable[[DriverCase], list[Finding]]] = {
         "tactile": partial(try_camera, cameras), "emg": try_amplifier, "vest": try_vest, "hand": try_hand,
         "input": try_input, "tracker": try_tracker, "arm": try_arm,
     }  # fmt: skip

@@ -24,7 +24,7 @@ from tega.config.person import (
     live_info,
     other_conditions,
 )
-from tega.devices.base import DeviceInfo
+from tega.devices.base import DeviceInfo, Kind
 from tega.errors import CalibrationError, TegaError
 from tega.loop.rig import names_input
 from tega.runtime.features import Feature, call_feature, call_member, having
@@ -222,25 +222,16 @@ def _no_input(config: SessionConfig) -> list[Finding]:
 
 def cases_of(config: SessionConfig) -> list[DriverCase]:
     """Return the devices that a session's settings name."""
-    cases = [
-        DriverCase(f"tactile.{finger}", "tactile", section.driver, section.options, section.baseline)
-        for finger, section in config.tactile.items()
+    named: list[tuple[str, Kind, Any]] = [(f"tactile.{f}", "tactile", c) for f, c in config.tactile.items()]
+    named += [("emg", "emg", config.emg), ("vest", "vest", config.vest), ("hand", "hand", config.hand)]
+    named += [(f"input.{seat}", "input", c) for seat, c in config.input.in_use().items()]
+    if config.arm is not None:
+        named += [("arm.tracker", "tracker", config.arm.tracker), ("arm", "arm", config.arm)]
+    return [
+        DriverCase(check, kind, section.driver, section.options, getattr(section, "baseline", None))
+        for check, kind, section in named
+        if section is not None and section.driver is not None
     ]
-    if config.emg is not None:
-        cases.append(DriverCase("emg", "emg", config.emg.driver, config.emg.options))
-    if config.vest.driver is not None:
-        cases.append(DriverCase("vest", "vest", config.vest.driver, config.vest.options))
-    if config.hand.driver is not None:
-        cases.append(DriverCase("hand", "hand", config.hand.driver, config.hand.options))
-    cases += [
-        DriverCase(f"input.{seat}", "input", section.driver, section.options)
-        for seat, section in config.input.in_use().items()
-    ]
-    if (arm := config.arm) is not None:
-        if arm.tracker is not None:
-            cases.append(DriverCase("arm.tracker", "tracker", arm.tracker.driver, arm.tracker.options))
-        cases.append(DriverCase("arm", "arm", arm.driver, arm.options))
-    return cases
 
 
 def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
