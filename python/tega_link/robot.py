@@ -146,7 +146,7 @@ class RobotStation(Station):
             preset=self._config.session.preset,
             baselines={} if pictures is None else pictures.baselines(prepared),
             records=self._records,
-            touch={f: full for f, full in prepared.calibration.tactile.items() if f in prepared.fingers},
+            touch={f: full for f in prepared.fingers if (full := prepared.calibration.touch(f)) is not None},
         )
         if self._records and prepared.muscles is not None:
             source = prepared.muscles.source

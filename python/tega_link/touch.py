@@ -33,7 +33,7 @@ def with_touch(calibration: Calibration, welcome: Welcome, *, robot: str) -> Cal
     The calibration's own values have precedence over those of the robot's station. If neither side knows that
     of a fingertip, or it was made for another preset, :class:`CalibrationError` is raised.
     """
-    known = {name: calibration.tactile.get(name) or welcome.touch.get(name) for name in welcome.fingers}
+    known = {name: calibration.touch(name) or welcome.touch.get(name) for name in welcome.fingers}
     for name, full in known.items():
         if full is None:
             raise CalibrationError(

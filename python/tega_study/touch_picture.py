@@ -150,7 +150,7 @@ def recorded_picture(folder: Path) -> FingerPicture | None:
     finger = firmest.finger
     head = read_head(reader)
     calibration, baseline = head.calibration, head.baselines[finger]
-    maxima = calibration.tactile.get(finger)
+    maxima = calibration.touch(finger)
     metric = finger_metric(head.config.stages, calibration.preset, finger, baseline, maxima)
     frame = _follow(files[0], finger, metric, firmest.t_ns)
     if frame is None:

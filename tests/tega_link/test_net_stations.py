@@ -232,7 +232,7 @@ def test_full_touch_is_what_the_operator_s_calibration_says_else_what_the_robot_
         1, {"thumb": 60.0, "index": 60.0}, hand=True, arm=False, touch={"thumb": theirs, "index": theirs}
     )
     whole = with_touch(calibration, welcome, robot="panda")
-    assert (whole.tactile["thumb"], whole.tactile["index"]) == (ours, theirs)
+    assert (whole.touch("thumb"), whole.touch("index")) == (ours, theirs)
     with pytest.raises(CalibrationError, match="index of robot 'panda' is known neither here nor there"):
         with_touch(calibration, msgspec.structs.replace(welcome, touch={}), robot="panda")
     with pytest.raises(CalibrationError, match="preset 'live', the run uses 'paper'"):

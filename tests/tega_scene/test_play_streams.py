@@ -54,7 +54,7 @@ def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
     for finger in ("thumb", "ring"):
         metric = finger_metric(
             head.config.stages, head.config.session.preset, finger, head.baselines[finger],
-            head.calibration.tactile.get(finger),
+            head.calibration.touch(finger),
         )  # fmt: skip
         for one, (_, t_ns, image) in zip(
             (s for s in seen if s[0] == finger), (g for g in given if g[0] == finger), strict=True

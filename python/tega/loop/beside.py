@@ -40,7 +40,7 @@ def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus
         config,
         bus,
         baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
-        touch=prepared.calibration.tactile.get,
+        touch=prepared.calibration.touch,
         muscles=maxima,
         live=prepared.muscles is not None and prepared.muscles.source.info.live,
         real=config.session.pace == "real",

@@ -129,7 +129,7 @@ def prepare(
         calibration.check_fits(preset=preset, fingers=sources, emg=conditions, name=path.name)
         command = calibrate_command(settings, "ID", "touch")
         warnings = tuple(
-            text for one in sources for text in refused_law(one, calibration.tactile.get(one), command)
+            text for one in sources for text in refused_law(one, calibration.touch(one), command)
         )
     elif config.calibration.person is not None:
         records = PersonRecords(config, settings=settings, now=utc_now())

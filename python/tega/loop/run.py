@@ -174,7 +174,7 @@ def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
 
 def _metric(rig: Rig, name: str) -> Metric:
     config, prepared = rig.config, rig.prepared
-    baseline, calibration = prepared.fingers[name].baseline, prepared.calibration.tactile.get(name)
+    baseline, calibration = prepared.fingers[name].baseline, prepared.calibration.touch(name)
     return finger_metric(config.stages, config.session.preset, name, baseline, calibration)
 
 

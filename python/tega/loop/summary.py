@@ -126,7 +126,7 @@ def _spared(state: RunFacts) -> dict[str, int]:
 
 def _finger(state: RunFacts, name: str) -> dict[str, Any]:
     finger, loop = state.rig.prepared.fingers[name], state.loop
-    info, maxima = finger.source.info, state.rig.prepared.calibration.tactile.get(name)
+    info, maxima = finger.source.info, state.rig.prepared.calibration.touch(name)
     return {
         "driver": info.driver,
         "source": info.label,
@@ -177,7 +177,7 @@ def _notes(state: RunFacts) -> list[str]:
         notes.append(f"maxima {state.rig.prepared.calibration.origin}")
     notes += state.rig.prepared.warnings
     for name, finger in state.rig.prepared.fingers.items():
-        maxima = state.rig.prepared.calibration.tactile.get(name)
+        maxima = state.rig.prepared.calibration.touch(name)
         if elsewhere and maxima is None:
             pass  # the vest is somewhere else, and so is what counts as full
         elif maxima is None or maxima.eda_max is None:

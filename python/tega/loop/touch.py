@@ -173,7 +173,7 @@ class TouchLoop:
 def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
     """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use."""
     vest = config.vest
-    maxima = {finger: calibration.tactile.get(finger) or TouchMaxima() for finger in fingers}
+    maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
     preset = config.session.preset
     return TouchLoop(
         maxima,

@@ -80,7 +80,7 @@ _FORMATS = [_TEXT, *([kind] for kind in WRITERS if kind not in _TEXT)]
 
 @pytest.mark.parametrize("kinds", _FORMATS, ids=lambda kinds: kinds[0])
 def test_mutants_end_in_samples_or_in_errors_of_tega(kinds: list[str], tmp_path: Path) -> None:
-    assert _unexpected(kinds, tmp_path, 100) == []
+    assert _unexpected(kinds, tmp_path, 50) == []
 
 
 @pytest.mark.slow

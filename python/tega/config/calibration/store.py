@@ -123,6 +123,10 @@ class Calibration(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     format: Literal["tega-calibration"] = "tega-calibration"
     version: Literal[1] = 1
 
+    def touch(self, finger: str) -> TouchMaxima | None:
+        """Return a finger's maxima; ``None`` if it was not calibrated."""
+        return self.tactile.get(finger)
+
     def check_fits(self, *, preset: str, fingers: Iterable[str], emg: EmgMaxima | None, name: str) -> None:
         """Refuse a calibration for a run it was not made for, with what differs; ``name`` is for the error.
 

@@ -149,7 +149,7 @@ class Measured:
                 replace(config, stages=replace(config.stages, beside=beside)),
                 bus,
                 baselines=head.baselines,
-                touch=head.calibration.tactile.get,
+                touch=head.calibration.touch,
                 muscles=maxima,
                 live="emg" in head.sources and head.sources["emg"].live,
             )
@@ -180,7 +180,7 @@ def finger_meter(head: Head, finger: str) -> FrameMeter:
     """Make the meter of a finger's pictures, as in the run."""
     config, baseline = head.config, head.baselines[finger]
     with with_attached(config.stages, head.files) as stages:
-        maxima = head.calibration.tactile.get(finger)
+        maxima = head.calibration.touch(finger)
         metric = finger_metric(stages, config.session.preset, finger, baseline, maxima)
     # A picture out of a JPEG has no bits of its own to compare with the one before.
     return FrameMeter(baseline, metric, SourceReport(), live=head.sources[finger].live and head.lossless)

@@ -169,15 +169,12 @@ class GelChange(NamedTuple):
     """Change of a gel between two baselines of one sensor.
 
     ``shift`` is that of the whole picture, counts, blue, green, red. ``dark_px`` counts the pixels that are
-    darker than the shift explains, ``bright_px`` the brighter ones; ``dark_xy`` is the darkest, column and
-    row, ``None`` for none. ``wear`` is the share of changed pixels, 0 to 1; ``words`` are the consequences, one
-    sentence each, none for a healthy gel.
+    darker than the shift explains. ``wear`` is the share of darker and brighter pixels, 0 to 1; ``words`` are
+    the consequences, one sentence each, none for a healthy gel.
     """
 
     shift: tuple[float, float, float]
     dark_px: int
-    bright_px: int
-    dark_xy: tuple[int, int] | None
     wear: float
     words: tuple[str, ...]
 
@@ -198,9 +195,8 @@ def compare_gels(
     shift = np.median(difference, axis=(0, 1))
     grey = _blurred((difference - shift).mean(axis=2))
     noise = min(max(noise_now, noise_then, _LEAST_NOISE), _MOST_NOISE)
-    darker, brighter = grey < -_SPOT * noise, grey > _SPOT * noise
-    dark_px, bright_px = int(darker.sum()), int(brighter.sum())
-    wear = (dark_px + bright_px) / grey.size
+    dark_px = int((grey < -_SPOT * noise).sum())
+    wear = int((np.abs(grey) > _SPOT * noise).sum()) / grey.size
     ratio = noise_now / max(noise_then, 0.1)
     row, column = divmod(int(grey.argmin()), grey.shape[1])
     words = []
@@ -221,7 +217,7 @@ def compare_gels(
         )
     if wear > _WORN_SHARE:
         words.append(f"{wear:.0%} of the gel looks other than on {when}: think of a new one")
-    return GelChange(_bgr(shift), dark_px, bright_px, (column, row) if dark_px else None, wear, tuple(words))
+    return GelChange(_bgr(shift), dark_px, wear, tuple(words))
 
 
 def _blurred(grey: NDArray[np.float64]) -> NDArray[np.float64]:

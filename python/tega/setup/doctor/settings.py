@@ -157,9 +157,7 @@ def _of_a_file(config: SessionConfig, file: Path, settings: str) -> Finding:
     if wrong:
         return _about("error", wrong, again)
     command = calibrate_command(settings, "ID", "touch")
-    refused = [
-        text for one in config.tactile for text in refused_law(one, calibration.tactile.get(one), command)
-    ]
+    refused = [text for one in config.tactile for text in refused_law(one, calibration.touch(one), command)]
     if refused:
         return _about("warning", f"{file.name}: {'; '.join(refused)}")
     return _about(

@@ -97,7 +97,7 @@ class FingerReading:
 
     def _made(self) -> Metric:
         config = self.variant.config
-        maxima = None if self._calibration is None else self._calibration.tactile.get(self.finger)
+        maxima = None if self._calibration is None else self._calibration.touch(self.finger)
         return finger_metric(config.stages, config.session.preset, self.finger, self._baseline, maxima)
 
     def take(
