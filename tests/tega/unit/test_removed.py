@@ -47,8 +47,11 @@ def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, nam
         load_config(None, environ={}, sets=[f"{key}={value or 'odd'}"])
 
 
+def test_a_value_beside_a_removed_one_is_read() -> None:
+    assert load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config.arm is not None
+
+
 BESIDE = {
-    "arm": "arm.driver=simulated-arm",
     "hand": "hand.driver=python-can",
     "stages": "stages.mapping.name=changes",
 }
