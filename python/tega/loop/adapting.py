@@ -5,6 +5,7 @@ EMG adapts by the conditions for it, the announced target and the undo key.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final
 
 from tega.config import SessionConfig
@@ -20,6 +21,16 @@ _TARGET = "target:"
 _MAY_CHANGE = frozenset({"armed", "active"})
 
 
+def on_press(bus: Bus, seat: str, action: Callable[[], None], *, name: str, vital: bool = False) -> None:
+    """Call an action at every press of a seat's button that is published on a bus."""
+
+    def pressed(button: Button) -> None:
+        if button.seat == seat and button.pressed:
+            action()
+
+    bus.subscribe(Button, pressed, name=name, vital=vital)
+
+
 class AdaptationWatch:
     """Derives the switches of the adaptation from the records on the bus; thread-safe.
 
@@ -27,14 +38,13 @@ class AdaptationWatch:
     """
 
     def __init__(self, bus: Bus) -> None:
-        self._state, self._target, self._n_undone = "", None, 0
+        self._state, self._n_undone = "", 0
+        self._target: float | None = None
         self._touching: dict[str, bool] = {}
         bus.subscribe(RunState, self._changed, name="adaptation")
         bus.subscribe(Contact, self._felt, name="adaptation")
         bus.subscribe(HeardMarker, self._received, name="adaptation")
-        bus.subscribe(Button, self._pressed, name="adaptation")
-
-    _target: float | None
+        on_press(bus, UNDO_SEAT, self._undo, name="adaptation")
 
     def switches(self, _n_samples: int = 0) -> Switches:
         """Return the switches now."""
@@ -56,9 +66,8 @@ class AdaptationWatch:
             return
         self._target = target if 0.0 <= target <= 1.0 else None
 
-    def _pressed(self, button: Button) -> None:
-        if button.seat == UNDO_SEAT and button.pressed:
-            self._n_undone += 1
+    def _undo(self) -> None:
+        self._n_undone += 1
 
 
 def open_adaptation(config: SessionConfig, muscles: Muscles, bus: Bus) -> ChannelAdaptation | None:
@@ -87,11 +96,10 @@ class FingerRezero:
     def __init__(self, bus: Bus, metric: Metric, report: SourceReport) -> None:
         self._metric, self._report = metric, report
         self._n_requests = self._n_answered = 0
-        bus.subscribe(Button, self._pressed, name="rezero")
+        on_press(bus, REZERO_SEAT, self._ask, name="rezero")
 
-    def _pressed(self, button: Button) -> None:
-        if button.seat == REZERO_SEAT and button.pressed:
-            self._n_requests += 1
+    def _ask(self) -> None:
+        self._n_requests += 1
 
     def before_picture(self) -> bool:
         """Return whether a baseline was taken: it was asked for, and no other finger bears a load."""

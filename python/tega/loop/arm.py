@@ -80,12 +80,8 @@ class Steering:
     def problem(self) -> str:
         """Problems of the arm, its tracker or another pose source; ``""`` for none."""
         doubt = f"arm: {self._chain.doubt}" if self._chain.doubt else ""
-        problems = [
-            self._error,
-            self._arm.problem,
-            "" if self._tracker is None else self._tracker.problem,
-            doubt,
-        ]
+        tracker = "" if self._tracker is None else self._tracker.problem
+        problems = [self._error, self._arm.problem, tracker, doubt]
         if not any(problems) and self._command is not None and self._command.state == "stopped":
             problems = [f"arm: stopped: {self._command.reason}"]
         return "; ".join(s for s in problems if s)
@@ -114,7 +110,7 @@ class Steering:
         info, health = self._arm.info, self._arm.health
         holds = 0 if self._command is None else self._command.engagements
         n, all_m2, most_m2 = self._off_m2
-        off_mm = {"rms": 1e3 * math.sqrt(all_m2 / n), "worst": 1e3 * math.sqrt(most_m2)} if n else {}
+        off_m2 = {"rms": all_m2 / n, "worst": most_m2} if n else {}
         return {
             "driver": info.driver,
             "source": info.label,
@@ -124,7 +120,7 @@ class Steering:
             "commands": self._turns,
             "late_commands": self._late,
             "worst_ms": round(self._worst_ms, 3),
-            "off_target_mm": {subject: round(mm, 2) for subject, mm in off_mm.items()},
+            "off_target_mm": {name: round(1e3 * math.sqrt(m2), 2) for name, m2 in off_m2.items()},
             "arm_hz": round(health.rate_hz, 1),
             "arm_late_ticks": health.late,
             "refused_commands": health.refused,
@@ -151,8 +147,7 @@ class Steering:
         """Take in poses and switches, and send one command."""
         arm = self._arm
         self._count(now_ns)
-        dead_man = self._held("dead_man")
-        pressed = self._held("recover")
+        dead_man, pressed = self._held("dead_man"), self._held("recover")
         if pressed and not self._was_pressed and not dead_man:
             self._wants_clear = True
             if arm.phase == "faulted":

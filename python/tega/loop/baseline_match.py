@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -34,11 +34,8 @@ _TURNS: Final[tuple[_Change, ...]] = (
 )
 
 
-class _Candidate(NamedTuple):
-    """A way in which the baseline may differ, in words, and the bands of the baseline without that."""
-
-    looks_like: str
-    bands: bytes
+# A way in which the baseline may differ, in words, and the bands of the baseline without that.
+_Candidate = tuple[str, bytes]
 
 
 def check_baseline(baseline: Picture, pictures: Sequence[Picture], *, name: str, label: str) -> None:
@@ -51,7 +48,7 @@ def check_baseline(baseline: Picture, pictures: Sequence[Picture], *, name: str,
     if not pictures:
         return
     shape = pictures[0].shape
-    found = [one for one in _candidates(baseline, shape) if one.bands]
+    found = [one for one in _candidates(baseline, shape) if one[1]]
     bands = [picture_bands(picture) for picture in pictures]
     if baseline.shape != shape:
         looks = _nearest(found, bands) if baseline.shape[:2] == shape[1::-1] else ""
@@ -81,29 +78,32 @@ def _candidates(baseline: Picture, shape: tuple[int, ...]) -> list[_Candidate]:
             whole = np.ascontiguousarray(undo(picture))
             if whole.shape == shape and (turned or colours):
                 words = " and ".join(word for word in (colours, turned) if word)
-                found.append(_Candidate(words, picture_bands(whole)))
+                found.append((words, picture_bands(whole)))
     return found
 
 
 def _looks_like(found: Sequence[_Candidate], bands: Sequence[bytes], own: Sequence[Sequence[float]]) -> str:
     """Return the change without which the baseline is near to the pictures; ``""`` for none."""
     near: list[tuple[float, str]] = []
-    for one in found:
-        theirs = [np.array(band_distances(picture, one.bands)) for picture in bands]
+    for looks_like, turned in found:
+        theirs = [np.array(band_distances(picture, turned)) for picture in bands]
         nearer = [
             np.mean((np.array(mine) > _NEARER * it) & (np.array(mine) >= it + _LEAST_COUNTS))
             for mine, it in zip(own, theirs, strict=True)
         ]
         if np.median(nearer) >= _NEARER_SHARE:
-            near.append((float(np.mean(theirs)), one.looks_like))
+            near.append((float(np.mean(theirs)), looks_like))
     return min(near, default=(0.0, ""))[1]
 
 
 def _nearest(found: Sequence[_Candidate], bands: Sequence[bytes]) -> str:
     """Return the change after which a baseline of the other shape is near to the pictures; ``""`` for none."""
-    distances = [float(np.median([band_distances(picture, one.bands) for picture in bands])) for one in found]
-    nearest = min(range(len(found)), key=distances.__getitem__, default=None)
-    return "" if nearest is None or distances[nearest] > _FAR else found[nearest].looks_like
+    distances = [
+        (float(np.median([band_distances(picture, turned) for picture in bands])), words)
+        for words, turned in found
+    ]
+    distance, words = min(distances, key=lambda one: one[0], default=(0.0, ""))
+    return "" if distance > _FAR else words
 
 
 def _size(picture: Picture) -> str:

@@ -83,21 +83,17 @@ class MotorTests:
 
     def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
         """Return the frame of a tick, with the motor that is tried in it; called by the loop."""
-        why = self._refused()
+        why, n_motors = self._refused(), len(frame.intensities)
         wanted, self._wanted = self._wanted, None
         if self._running is not None and (why or t_ns >= self._running[1]):
             self.end(t_ns)
         if wanted is not None:
-            n_motors = len(frame.intensities)
+            if self._running is not None:
+                why = "another motor is"
+            elif not why and not 0 <= wanted < n_motors:
+                why = f"motor {wanted} is none of 0 to {n_motors - 1} of {frame.layout}"
             if why:
                 self._answer_with(done=False, words=f"not tried: {why}")
-            elif self._running is not None:
-                self._answer_with(done=False, words="not tried: another motor is")
-            elif not 0 <= wanted < n_motors:
-                self._answer_with(
-                    done=False,
-                    words=f"not tried: motor {wanted} is none of 0 to {n_motors - 1} of {frame.layout}",
-                )
             else:
                 self._running = wanted, t_ns + _LASTS_NS
                 self._bus.publish(TriedMotor(t_ns=t_ns, motor=wanted, percent=TEST_PERCENT))
@@ -113,11 +109,8 @@ class MotorTests:
             self._answer_with(done=True, words=f"motor {motor} vibrates at {percent} %")
             return
         self.end(t_ns)
-        why = (
-            "the run has no vest"
-            if sent is None
-            else "the vest is not reached, or its limits allow it no more"
-        )
+        unreached = "the vest is not reached, or its limits allow it no more"
+        why = "the run has no vest" if sent is None else unreached
         self._answer_with(done=False, words=f"not tried: {why}")
 
     def end(self, t_ns: int) -> None:

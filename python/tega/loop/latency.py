@@ -55,18 +55,12 @@ _PENDING: Final = 64
 class LatencyTrace:
     """Follows frames and blocks through the loop; nothing in it waits or grows.
 
-    Args:
-        now_ns: Time since the start of the session.
-        start_ns: The monotonic clock's time at that start.
-        budget_ms: Budget for the p99 latency of touch within five seconds: ``in-hand``, or ``own`` if the
-            vest is refreshed at a steady pace with its intended waits.
-        joint_budget_ms: Time that the muscles' way to a joint's first motion may take, within five seconds.
-        vests: Vests that report the time of each hand-over.
-        answered_ns: Returns when a hand's torques first left at or after a monotonic time, and when the
-            report that they answer arrived; ``None`` without such a hand.
-        joints: Watches the hand's reported positions; ``None`` without such a hand.
-        motor: Measured onset of the motor after the hand-over; ``None`` if it was not measured.
-        bus: Every frame and block that has arrived is published here.
+    ``now_ns`` returns the time since the start of the session, at which the monotonic clock shows ``start_ns``. The
+    budgets are for the p99 within five seconds: ``budget_ms`` of touch ``in-hand``, or ``own`` if the vest is refreshed
+    at a ``steady`` pace with its intended waits; ``joint_budget_ms`` of the muscles' way to a joint's first motion.
+    ``vests`` report the time of each hand-over. ``answered_ns`` returns when a hand's torques first left at or after a
+    monotonic time, and when the report that they answer arrived. ``motor`` is the motor's measured onset after the
+    hand-over. Every frame and block that has arrived is published on ``bus``.
 
     Attributes:
         warning: The path that is over budget now, and its slowest stage; ``""`` for none.
@@ -90,14 +84,10 @@ class LatencyTrace:
         motor: MotorOnset | None = None,
         bus: Bus | None = None,
     ) -> None:
-        self.motor = motor
-        self.now_ns = now_ns
-        self._start_ns = start_ns
-        self._budget_ns = budget_ms * 1e6
-        self._joint_budget_ns = joint_budget_ms * 1e6
+        self.motor, self.now_ns, self._start_ns = motor, now_ns, start_ns
+        self._budget_ns, self._joint_budget_ns = budget_ms * 1e6, joint_budget_ms * 1e6
         self._limited = "own" if steady else "in-hand"
-        self._vests = vests
-        self._answered_ns = answered_ns
+        self._vests, self._answered_ns, self._joints = vests, answered_ns, joints
         self._coming: dict[str, deque[tuple[int, int, int]]] = {}
         self._fresh: dict[str, tuple[int, int, int]] = {}
         self._offered: dict[str, tuple[int, int]] = {}
@@ -105,7 +95,6 @@ class LatencyTrace:
         self._ticks: dict[int, dict[str, tuple[int, ...]]] = {}
         self._felt: dict[str, int] = {}
         self._block: tuple[int, ...] | None = None
-        self._joints = joints
         self._asking: tuple[int, ...] | None = None
         self.spreads = _spreads(touch=TOUCH_STAGES, intent=INTENT_STAGES, motion=MOTION_STAGES)
         self._live = _spreads(touch=TOUCH_STAGES, motion=MOTION_STAGES)

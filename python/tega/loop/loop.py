@@ -20,7 +20,7 @@ from tega.hand import joined_level, split_level
 from tega.loop.hand import HAND_TICK_NS
 from tega.loop.inbox.inputs import Inputs
 from tega.loop.inbox.stream import NEVER_NS, Stream
-from tega.loop.outputs import HandOutput, VestOutput
+from tega.loop.outputs import HandOutput, VestOutput, attempt
 from tega.loop.pacing import LoopReport, Pacer
 from tega.loop.snapshot import Moments
 from tega.loop.touch import STALE_NS, TouchLoop
@@ -46,19 +46,11 @@ class DualLoop:
     Missing parts cost nothing: without EMG there are no ticks of the hand, without tactile sources none of the vest,
     unless a display has subscribed to them.
 
-    Args:
-        pacer: Deadlines on the session's clock.
-        touch: Turns contacts into vest frames and events.
-        contacts: Stream of measured frames, by finger, thumb first.
-        levels: Stream of intents; ``None`` without EMG.
-        hand: Output to the hand, with the reflex.
-        vest: Output to the vests.
-        bus: Bus on which all that comes in and goes out is published; see :mod:`tega.records`.
-        guard: Decides the run's state; without one the run is always active.
-        inputs: The operator's input devices, polled in every turn.
-        moments: Makes views of the loop for displays; ``None`` without displays.
-        poll_hand: Returns at each tick of the hand, by the level of its command, a reading of hand and arm from which
-            slips are detected; ``None`` where it is too early for one. Without it slips are detected by touch alone.
+    ``contacts`` are streams of measured frames by finger, thumb first, ``levels`` the intents, ``None`` without EMG.
+    All that comes in and goes out is published on ``bus``; see :mod:`tega.records`. Without a ``guard`` it is always
+    active. ``moments`` makes views of the loop for displays. ``poll_hand`` returns at each tick of the hand, by the
+    level of its command, a reading of hand and arm from which slips are detected, ``None`` where it is too early for
+    one; without it slips are detected by touch alone.
     """
 
     def __init__(
@@ -109,15 +101,11 @@ class DualLoop:
         stop: Callable[[], bool] = lambda: False,
         endless: bool = False,
     ) -> LoopReport:
-        """Run both loops until they end.
+        """Run both loops until they end; the counts and times are in :attr:`report` when an exception ends the run.
 
-        Args:
-            duration_ns: End after this long; ``None`` when the last source ends.
-            stop: Called before every tick; the loop ends when it returns true.
-            endless: Whether a loop without any source goes on all the same, for an arm or a part.
-
-        Returns:
-            Counts and times; also in :attr:`report` when an exception ends the run.
+        ``duration_ns`` is ``None`` for the end of the last source. ``stop`` is called before every tick; the loop ends
+        when it returns true. ``endless`` is whether a loop without any source goes on all the same, for an arm or a
+        part.
         """
         self._endless = endless
         report, last_ns, why = self.report, 0, ""
@@ -295,29 +283,20 @@ class DualLoop:
                 if newest is None or t_ns - newest.t_ns > STALE_NS:
                     self.report.n_stale_ticks[finger] += 1
         if self._moments is not None and self._moments.wanted:
+            vest = self._vest.confirmed
             self._moments.show(
-                t_ns,
-                dict(self._newest),
-                self._vest.confirmed,
-                self._intent,
-                self.report,
-                command=self._hand.level,
+                t_ns, dict(self._newest), vest, self._intent, self.report, command=self._hand.level
             )
 
     def _leave(self, t_ns: int, reason: str) -> list[BaseException]:
         """Silence every vest and let go of every hand; one that fails does not keep the others from it."""
         problems = self._hand.limp(t_ns) + self._vest.silence(t_ns)
-        try:
-            self._hand.publish_command(t_ns)
-        except Exception as error:  # of a vital subscriber; the hand and the vest are safe by now
-            problems.append(error)
+        attempt(problems, self._hand.publish_command, t_ns)  # the hand and the vest are safe by now
         if self._guard is not None:
-            try:
-                self._guard.stop(t_ns, reason)
-                if self._moments is not None and self._moments.wanted:
-                    self._moments.stopped(self._vest.confirmed, [_text(problem) for problem in problems])
-            except BaseException as error:  # of a vital subscriber; reported by the caller
-                problems.append(error)
+            attempt(problems, self._guard.stop, t_ns, reason)
+            if self._moments is not None and self._moments.wanted:
+                texts = [_text(problem) for problem in problems]
+                attempt(problems, self._moments.stopped, self._vest.confirmed, texts)
         return problems
 
 

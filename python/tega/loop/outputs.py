@@ -3,19 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from tega import records
-from tega.devices.base import VestSink, optional
+from tega.devices.base import SteeredHand, VestSink, optional
 from tega.hand import split_level
 from tega.haptics import MotorLevels
-from tega.loop.hand import Hand
+from tega.loop.controls import MotorTests
+from tega.loop.hand import ModelledAllegro
 from tega.loop.latency import LatencyTrace
 from tega.loop.reflex import ReflexArc
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event, HandCommand, Joints, bus_frames
 from tega.records.bus import Bus
 from tega.wire import CanFrame
+
+
+def attempt(problems: list[BaseException], call: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a call on the way out returns; its error, a panic of native code included, is put to the others."""
+    try:
+        return call(*arguments)
+    except BaseException as error:  # reported by the caller
+        problems.append(error)
+        return None
 
 
 class HandOutput:
@@ -28,7 +38,7 @@ class HandOutput:
 
     def __init__(
         self,
-        model: Hand,
+        model: ModelledAllegro | SteeredHand,
         sinks: Sequence[Sink[Sequence[CanFrame]]] = (),
         *,
         bus: Bus,
@@ -64,15 +74,9 @@ class HandOutput:
         """Leave the hand without force, whatever happens; return the errors. The caller publishes the command."""
         problems: list[BaseException] = []
         self.level, self._frames = 0, ()
-        try:
-            self._frames = self._model.limp()
-        except BaseException as error:  # a panic of native code, too; reported by the caller
-            problems.append(error)
+        self._frames = attempt(problems, self._model.limp) or ()
         for sink in self._sinks:
-            try:
-                sink.write(t_ns, self._frames)
-            except BaseException as error:  # likewise
-                problems.append(error)
+            attempt(problems, sink.write, t_ns, self._frames)
         return problems
 
     def publish_command(self, t_ns: int) -> None:
@@ -100,24 +104,6 @@ class Sink(Protocol[Sent_contra]):
         ...
 
 
-class MotorTrials(Protocol):
-    """Trials of single motors, which change frames on their way to the vest.
-
-    ``active`` is whether a motor is tried now, or a trial is asked for.
-    """
-
-    @property
-    def active(self) -> bool: ...  # noqa: D102  # above
-
-    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
-        """Return the frame of a tick, with the motor that is tried now."""
-        ...
-
-    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
-        """Note the frame that a real vest sent; ``None`` without a vest."""
-        ...
-
-
 class VestOutput:
     """Makes vest frames and writes them to every vest; ``frame`` is the newest computed, ``None`` before one.
 
@@ -139,19 +125,13 @@ class VestOutput:
         rate_hz: float = 30.0,
         by_frame: bool = False,
         haptics: Callable[[], bool] = lambda: True,
-        tests: MotorTrials | None = None,
+        tests: MotorTests | None = None,
         trace: LatencyTrace | None = None,
     ) -> None:
-        self._touch = touch
-        self._vests = vests
-        self._live_vests = live_vests
+        self._touch, self._vests, self._live_vests = touch, vests, live_vests
         self._in_steps = bool(live_vests) and all(optional(vest, "in_steps") for vest in live_vests)
-        self._haptics = haptics
-        self._trace = trace
-        self._bus = bus
-        self._now_ns = now_ns
-        self.rate_hz, self.by_frame = rate_hz, by_frame
-        self._tests = tests
+        self._haptics, self._trace, self._bus, self._now_ns = haptics, trace, bus, now_ns
+        self.rate_hz, self.by_frame, self._tests = rate_hz, by_frame, tests
         self._n_requested, self._on = 0, True
         self._sent: MotorLevels | None = None
         self.frame: MotorLevels | None = None
@@ -180,21 +160,15 @@ class VestOutput:
         silence = self._touch.silence()
         self.frame = None if self.frame is None else silence
         for vest in self._live_vests:
-            try:
-                self._sent = vest.write(t_ns, silence)
-                self._publish(records.SentFrame, t_ns, self._sent)
-            except BaseException as error:  # a panic of native code, too; reported by the caller
-                problems.append(error)
+            attempt(problems, self._send, vest, t_ns, silence)
         for sink in self._vests:
-            try:
-                sink.write(t_ns, silence)
-            except BaseException as error:  # likewise
-                problems.append(error)
-        try:
-            self._publish(records.VestFrame, t_ns, silence)
-        except Exception as error:  # of a vital subscriber
-            problems.append(error)
+            attempt(problems, sink.write, t_ns, silence)
+        attempt(problems, self._publish, records.VestFrame, t_ns, silence)
         return problems
+
+    def _send(self, vest: VestSink, t_ns: int, frame: MotorLevels) -> None:
+        self._sent = vest.write(t_ns, frame)
+        self._publish(records.SentFrame, t_ns, self._sent)
 
     def _allowed(self, t_ns: int) -> bool:
         """Return whether motors may turn, and publish a change."""
@@ -230,8 +204,7 @@ class VestOutput:
         if news := before is None or not only_news or frame != before:
             self.frame = frame
             for vest in self._live_vests:
-                self._sent = vest.write(t_ns, frame)
-                self._publish(records.SentFrame, t_ns, self._sent)
+                self._send(vest, t_ns, frame)
             if trial is not None:
                 trial.sent(t_ns, self._sent)
         if trace is not None:

@@ -154,11 +154,7 @@ class Part:
 
 
 def open_parts(context: PartContext) -> list[Part]:
-    """Open the parts of all features that take part in a run.
-
-    Raises:
-        TegaError: A part cannot be opened; the message says why.
-    """
+    """Open the parts of all features that take part in a run; ``TegaError``, which says why, where one cannot be."""
     record_types()  # leaves out features whose records cannot be recorded
     found: list[Part] = []
     for feature in having("part"):

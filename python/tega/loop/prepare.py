@@ -65,10 +65,9 @@ def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> 
         raise CalibrationError(
             f"finger {finger!r}: {source.info.label} holds no frame", "give a baseline picture"
         )
-    text = f"estimated from the quietest of {len(frames)} frames spread over the recording"
-    if n_items is not None and n_items == len(frames):
-        text = f"estimated from the quietest of the recording's {len(frames)} frames"
-    return estimate_baseline(frames), text
+    n, some = len(frames), f"{len(frames)} frames spread over the recording"
+    which = f"the recording's {n} frames" if n_items == n else some
+    return estimate_baseline(frames), f"estimated from the quietest of {which}"
 
 
 def _frames(source: TactileSource, stride: int | None, most: float = math.inf) -> list[NDArray[np.uint8]]:

@@ -16,9 +16,10 @@ from typing import Final, NamedTuple
 from tega.config import ReflexSection, SessionConfig
 from tega.config.choose import grip_reflex
 from tega.devices.base import SteeredHand
+from tega.loop.adapting import on_press
 from tega.loop.hand_poll import fresh_angles_rad, hand_closure
 from tega.loop.snapshot import LoopView
-from tega.records import Button, Contact, Event, ReflexGrip
+from tega.records import Contact, Event, ReflexGrip
 from tega.records.bus import Bus
 from tega.stages.base import Reflex
 
@@ -57,14 +58,6 @@ class ReflexDial:
         """Take the authority away, or give it back."""
         with self._lock:
             self._off = not self._off
-
-    def listen(self, bus: Bus) -> None:
-        """Have the button of the seat ``reflex`` take the authority away and give it back."""
-        bus.subscribe(Button, self._pressed, name="reflex", vital=True)
-
-    def _pressed(self, button: Button) -> None:
-        if button.seat == REFLEX_SEAT and button.pressed:
-            self.press()
 
 
 class ReflexInputs(NamedTuple):
@@ -191,7 +184,7 @@ def open_reflex(
     if reflex is None:
         return None
     dial, wanted = ReflexDial(settings.authority), authority()
-    dial.listen(bus)
+    on_press(bus, REFLEX_SEAT, dial.press, name="reflex", vital=True)
     closure = hand_closure(config)
 
     def snapshot(_t_ns: int) -> ReflexInputs:

@@ -9,14 +9,13 @@ from functools import partial
 from typing import NamedTuple
 
 from tega.config import SessionConfig
-from tega.devices.base import EmgSource, optional
+from tega.devices.base import optional
 from tega.errors import ConfigError
 from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
 from tega.loop.controls import Controls
 from tega.loop.emg_condition import MuscleAlert, open_condition
 from tega.loop.inbox.inputs import Inputs, Prepared
-from tega.loop.inbox.sources import SourceReport
 from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live
 from tega.loop.parts import Part, PartContext, open_parts
@@ -69,20 +68,15 @@ def watch_over(
     """
     alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
-        Watched(
-            name,
-            "tactile",
-            finger.source.info.rate_hz,
-            finger.report,
-            partial(optional, finger.source, "faults"),
-        )
-        for name, finger in prepared.fingers.items()
-        if finger.source.info.live
+        Watched(name, "tactile", f.source.info.rate_hz, f.report, partial(optional, f.source, "faults"))
+        for name, f in prepared.fingers.items()
+        if f.source.info.live
     ]
     if (m := prepared.muscles) is not None and m.source.info.live:
         streams.append(Watched("emg", "emg", m.maxima.rate_hz / m.maxima.tau, m.report))
-        alerts["signal"] = partial(_signal, m.source)
-        alerts["votes"] = partial(_votes, m.report)
+        # What the driver finds in the newest second of the signal, and channels without a vote.
+        alerts["signal"] = lambda: _faults("", optional(m.source, "faults"))
+        alerts["votes"] = lambda: _faults("no vote for ", m.report.faults)
     if condition is not None:
         alerts["muscles"] = lambda: condition.said
 
@@ -116,15 +110,8 @@ def _first(hands: Sequence[object], name: str) -> str:
     return next(filter(None, (optional(hand, name) for hand in hands)), "")
 
 
-def _signal(source: EmgSource) -> str:
-    """Return the problem in the newest second of a live amplifier's signal, as far as its driver checks."""
-    faults = optional(source, "faults")
-    return f"emg: {'; '.join(faults)}" if faults else ""
-
-
-def _votes(report: SourceReport) -> str:
-    """Say which channels have no vote, and why."""
-    return f"emg: no vote for {'; '.join(report.faults)}" if report.faults else ""
+def _faults(subject: str, faults: Sequence[str]) -> str:
+    return f"emg: {subject}{'; '.join(faults)}" if faults else ""
 
 
 class Rig(NamedTuple):
@@ -147,11 +134,11 @@ class Rig(NamedTuple):
     def devices(self) -> frozenset[str]:
         """Which of ``emg``, ``hand`` and ``vest`` are connected, for displays."""
         present = {
-            "emg": self.prepared.muscles is not None,
-            "hand": self.sinks.steered is not None,
-            "vest": bool(self.sinks.live_vests),
+            "emg": self.prepared.muscles,
+            "hand": self.sinks.steered,
+            "vest": self.sinks.live_vests or None,
         }
-        return frozenset(name for name, there in present.items() if there)
+        return frozenset(name for name, device in present.items() if device is not None)
 
 
 def open_rig(
@@ -175,7 +162,11 @@ def open_rig(
     hand = opening.begin_rest()
     own = open_parts(PartContext(config, bus, stack, controls.stop, progress))
     joined = [*own, *parts]
-    _refuse_no_input(config, prepared, joined)
+    if not names_input(config) and prepared is None and not any(part.brings_input for part in joined):
+        raise ConfigError(
+            "no input: neither a tactile source nor EMG is set, nor an arm",
+            "set at least one, such as [tactile.thumb], [emg] or [arm]",
+        )
     origin = next((part.origin for part in joined if part.origin), "")
     if prepared is None:
         sources, emg = opening.sources()
@@ -209,12 +200,3 @@ def open_rig(
 def names_input(config: SessionConfig) -> bool:
     """Return whether settings name a device that gives input: a fingertip camera, an EMG amplifier or an arm."""
     return bool(config.tactile) or config.emg is not None or config.arm is not None
-
-
-def _refuse_no_input(config: SessionConfig, prepared: Prepared | None, parts: Sequence[Part]) -> None:
-    """Refuse a run to which nothing gives input."""
-    if not names_input(config) and prepared is None and not any(part.brings_input for part in parts):
-        raise ConfigError(
-            "no input: neither a tactile source nor EMG is set, nor an arm",
-            "set at least one, such as [tactile.thumb], [emg] or [arm]",
-        )

@@ -12,7 +12,7 @@ from tega.config.choose import finger_metric
 from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
-from tega.loop.hand import Hand, ModelledAllegro
+from tega.loop.hand import ModelledAllegro
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
@@ -30,7 +30,6 @@ from tega.records.bus import Bus
 from tega.runtime.clock import Clock, SystemClock
 from tega.runtime.threads import Bell, all_along, run_realtime
 from tega.safety.guard import Guard
-from tega.safety.states import Transition
 from tega.stages.base import Metric
 
 
@@ -51,7 +50,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         if any(source.info.live for source in prepared.sources):
             real_time = flows.enter_context(run_realtime("act"))
             flows.enter_context(all_along())
-    model: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+    model = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
     run = RunStart(
         config,
@@ -150,19 +149,30 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         or open_hand_polls(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
     )
 
-    def conclude(error: BaseException | None) -> dict[str, Any]:
-        flows.close()  # a source is not asked how it was while its thread reads on
-        facts = RunFacts(rig, layout, pace, loop.report, pacer, trace, real_time, reflex)
-        return _conclude(stack, facts, error)
-
+    facts = RunFacts(rig, layout, pace, loop.report, pacer, trace, real_time, reflex)
     duration_ns = None if session.duration_s is None else round(session.duration_s * 1e9)
     try:
         endless = rig.steering is not None or any(part.endless for part in rig.parts)
         loop.run(duration_ns=duration_ns, stop=controls.stop, endless=endless)
     except BaseException as error:
-        conclude(error)
+        _conclude(stack, flows, facts, error)
         raise
-    return conclude(None)
+    return _conclude(stack, flows, facts, None)
+
+
+def _conclude(
+    stack: ExitStack, flows: ExitStack, facts: RunFacts, error: BaseException | None
+) -> dict[str, Any]:
+    """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
+    flows.close()  # a source is not asked how it was while its thread reads on
+    summary = summarise(facts, error=error)
+    with ExitStack() as ending:
+        for part in facts.rig.parts:
+            ending.callback(part.finish, summary)
+        for part in facts.rig.parts:
+            ending.callback(part.ended, facts.loop, facts.pacing.n_waits)
+        stack.pop_all().close()  # tables and recordings are complete before the summary says so
+    return summary
 
 
 def _untried(guard: Guard, haptics: Callable[[], bool]) -> str:
@@ -179,10 +189,9 @@ def _metric(rig: Rig, name: str) -> Metric:
 
 
 def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | None) -> None:
-    def changed(change: Transition) -> None:
-        bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
-
-    guard.observers.append(changed)
+    guard.observers.append(
+        lambda change: bus.publish(RunState(t_ns=change.t_ns, state=change.state, reason=change.reason))
+    )
     guard.alert_observers.append(
         lambda name, text: bus.publish(Alert(t_ns=pacer.tick_ns, name=name, said=text))
     )
@@ -198,15 +207,3 @@ def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
     if not live and not any(finger.stream is not None for finger in fingers):
         pace = "steady"  # the pictures of a file come at no moment of ours; those of a played run do
     return pace, Bell() if live and pace == "by-frame" else None
-
-
-def _conclude(stack: ExitStack, state: RunFacts, error: BaseException | None) -> dict[str, Any]:
-    """Close everything that is open, and have the parts complete and keep the summary, the first part last."""
-    summary = summarise(state, error=error)
-    with ExitStack() as ending:
-        for part in state.rig.parts:
-            ending.callback(part.finish, summary)
-        for part in state.rig.parts:
-            ending.callback(part.ended, state.loop, state.pacing.n_waits)
-        stack.pop_all().close()  # tables and recordings are complete before the summary says so
-    return summary

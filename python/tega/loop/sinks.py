@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from tega.config import SessionConfig
 from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
-from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.hand.link import HandSpoken
 from tega.loop.inbox.inputs import Inputs, Seat
@@ -67,10 +66,7 @@ def open_sinks(
         _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
-            if config.session.pace == "fast":
-                raise ConfigError(
-                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
-                )
+            refuse_live(hand.info, config.session.pace)
             steered = hand
         else:
             hands.append(hand)
@@ -83,17 +79,11 @@ def _listen(hand: Any, bus: Bus) -> None:
         return
 
     def exchanged(spoken: HandSpoken) -> None:
-        whole, closure = split_level(spoken.level)
+        level, closure = split_level(spoken.level)
+        received, sent = bus_frames(spoken.received), bus_frames(spoken.out)
+        asked: dict[str, Any] = {"level": level, "closure": closure, "added": spoken.added}
         bus.publish(
-            HandExchange(
-                t_ns=spoken.t_ns,
-                level=whole,
-                closure=closure,
-                added=spoken.added,
-                received=bus_frames(spoken.received),
-                sent=bus_frames(spoken.out),
-                action=spoken.action,
-            )
+            HandExchange(t_ns=spoken.t_ns, **asked, received=received, sent=sent, action=spoken.action)
         )
 
     hand.on_exchange = exchanged

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from tega.devices.base import optional
+from tega.devices.base import SteeredHand, optional
 from tega.haptics import FINGERS, MotorLevels
 from tega.loop.arm_records import ArmView
-from tega.loop.hand import Hand
+from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
@@ -99,12 +99,7 @@ class LoopView(NamedTuple):
 
 
 class Snapshot(Record, frozen=True, kw_only=True):
-    """View of the loop that is published; it has no topic, for it is made of records that have one.
-
-    Attributes:
-        t_ns: The tick of the vest, since the start of the session.
-        view: All of it.
-    """
+    """View of the loop at a tick of the vest; it has no topic, for it is made of records that have one."""
 
     t_ns: int
     view: LoopView
@@ -123,7 +118,7 @@ class Moments:
     def __init__(
         self,
         bus: Bus,
-        hand: Hand | None = None,
+        hand: ModelledAllegro | SteeredHand | None = None,
         *,
         inputs: Inputs | None = None,
         guard: Guard | None = None,

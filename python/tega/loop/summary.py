@@ -44,7 +44,8 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
     """Sum up a run."""
     from tega import __version__
 
-    config, loop = state.rig.config, state.loop
+    rig, config, loop = state.rig, state.rig.config, state.loop
+    prepared = rig.prepared
     summary: dict[str, Any] = {
         "format": SUMMARY_FORMAT,
         "version": 1,
@@ -56,11 +57,11 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
     if error is not None:
         summary["error"] = error.message if isinstance(error, TegaError) else type(error).__name__
     summary["calibration"] = {
-        "origin": state.rig.prepared.calibration.origin,
-        "file": state.rig.prepared.calibration_name or None,
-        "self_calibrated": not state.rig.prepared.calibration_name,
+        "origin": prepared.calibration.origin,
+        "file": prepared.calibration_name or None,
+        "self_calibrated": not prepared.calibration_name,
     }
-    summary["tactile"] = {finger: _finger(state, finger) for finger in state.rig.prepared.fingers}
+    summary["tactile"] = {finger: _finger(state, finger) for finger in prepared.fingers}
     summary["emg"] = _emg(state)
     summary["vest"] = {
         "layout": state.layout,
@@ -72,7 +73,7 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
         "sinks": _drivers(state, "vest"),
     }
     summary["hand"] = {
-        "model": ModelledAllegro.label if state.rig.sinks.steered is None else state.rig.sinks.steered.label,
+        "model": (rig.sinks.steered or ModelledAllegro).label,
         "rate_hz": 1e9 / HAND_TICK_NS,
         "ticks": loop.n_hand_ticks,
         "level_s": {str(level): ticks * HAND_TICK_NS / 1e9 for level, ticks in loop.level_ticks.items()},
@@ -86,10 +87,10 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             "added_s": reflex.n_added * HAND_TICK_NS / 1e9,
             "most_added_levels": reflex.most_added,
         }
-    if inputs := state.rig.inputs.summary():
+    if inputs := rig.inputs.summary():
         summary["inputs"] = inputs
-    if state.rig.steering is not None:
-        summary["arm"] = state.rig.steering.summary()
+    if rig.steering is not None:
+        summary["arm"] = rig.steering.summary()
     if config.session.pace == "real":
         pacing = state.pacing
         summary["pacing"] = {
@@ -100,14 +101,14 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
             "late": tuple(pacing.n_late),
             "real_time": state.real_time,
         }
-    summary["safety"] = state.rig.guard.summary()
+    summary["safety"] = rig.guard.summary()
     if state.trace is not None:
         summary["latency_ms"] = state.trace.summary()
-        if state.rig.sinks.live_vests:
+        if rig.sinks.live_vests:
             motor = state.trace.motor
             summary["motor_onset"] = None if motor is None else motor._asdict() | {"said": motor.words}
     summary["notes"] = _notes(state)
-    for part in state.rig.parts:
+    for part in rig.parts:
         added = part.summary()
         summary["notes"] += [
             f"a part's {key!r} is left out: the summary has it" for key in added if key in summary
@@ -170,14 +171,13 @@ def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
 
 def _notes(state: RunFacts) -> list[str]:
     """Return notes for readers of the tables, one sentence each."""
-    notes = []
-    end_ns = state.loop.end_ns
-    elsewhere = any(part.origin for part in state.rig.parts)
-    if not state.rig.prepared.calibration_name:
-        notes.append(f"maxima {state.rig.prepared.calibration.origin}")
-    notes += state.rig.prepared.warnings
-    for name, finger in state.rig.prepared.fingers.items():
-        maxima = state.rig.prepared.calibration.touch(name)
+    notes, rig, prepared, end_ns = [], state.rig, state.rig.prepared, state.loop.end_ns
+    elsewhere = any(part.origin for part in rig.parts)
+    if not prepared.calibration_name:
+        notes.append(f"maxima {prepared.calibration.origin}")
+    notes += prepared.warnings
+    for name, finger in prepared.fingers.items():
+        maxima = prepared.calibration.touch(name)
         if elsewhere and maxima is None:
             pass  # the vest is somewhere else, and so is what counts as full
         elif maxima is None or maxima.eda_max is None:
@@ -189,7 +189,7 @@ def _notes(state: RunFacts) -> list[str]:
         notes += [f"{name}: {note}" for note in finger.source.info.notes]
         notes += _repeats(name, finger.report, live=finger.source.info.live)
         notes += _ending(name, finger.report, end_ns, f"silent {STALE_NS / 1e6:g} ms later")
-    if (muscles := state.rig.prepared.muscles) is not None:
+    if (muscles := prepared.muscles) is not None:
         notes += [f"emg: {note}" for note in muscles.source.info.notes]
         held = () if muscles.decoder is None else muscles.decoder.held_samples
         for name, n_held in zip(muscles.maxima.channels, held, strict=False):
@@ -200,11 +200,11 @@ def _notes(state: RunFacts) -> list[str]:
         notes += _ending("emg", muscles.report, end_ns, _lost_emg(state))
     if state.trace is not None and state.trace.last_warning:
         notes.append(state.trace.last_warning)
-    notes += [f"vest: {note}" for vest in state.rig.sinks.live_vests for note in vest.info.notes]
-    notes += state.rig.inputs.notes()
-    notes += [note for part in state.rig.parts for note in part.notes()]
-    if state.rig.steering is not None:
-        notes += [f"arm: {note}" for note in state.rig.steering.notes()]
+    notes += [f"vest: {note}" for vest in rig.sinks.live_vests for note in vest.info.notes]
+    notes += rig.inputs.notes()
+    notes += [note for part in rig.parts for note in part.notes()]
+    if rig.steering is not None:
+        notes += [f"arm: {note}" for note in rig.steering.notes()]
     return notes
 
 
@@ -217,28 +217,27 @@ def _lost_emg(state: RunFacts) -> str:
 
 def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
     """Say that pixels stood still, which the noise of a sensor does not let them."""
-    notes = []
-    if report.n_unfit:
-        notes.append(
-            f"{name}: {report.n_unfit} pictures were dark or torn; not used, and the finger was silent"
-        )
-    if report.n_rezeroed:
-        notes.append(f"{name}: {report.n_rezeroed} new baselines taken on request")
-    if report.n_rezero_refused:
-        notes.append(f"{name}: {report.n_rezero_refused} new baselines refused: another finger bore a load")
-    if report.n_duplicate and not live:  # a live source may well be asked faster than it takes pictures
-        notes.append(f"{name}: {report.n_duplicate} frames came again under the same number; used once")
-    if report.n_stuck:
-        notes.append(
-            f"{name}: stuck: {report.n_stuck} frames were the third or later in a row with the same pixels; "
-            "not used, so the finger fell silent where they went on"
-        )
-    elif report.n_identical:
-        notes.append(
-            f"{name}: {report.n_identical} frames have exactly the pixels of the one before, "
-            "as a sensor's raw frames never do; used"
-        )
-    return notes
+    n_again = (
+        0 if live else report.n_duplicate
+    )  # a live source may well be asked faster than it takes pictures
+    stuck, r = report.n_stuck, report
+    counted = (
+        (r.n_unfit, f"{r.n_unfit} pictures were dark or torn; not used, and the finger was silent"),
+        (r.n_rezeroed, f"{r.n_rezeroed} new baselines taken on request"),
+        (r.n_rezero_refused, f"{r.n_rezero_refused} new baselines refused: another finger bore a load"),
+        (n_again, f"{n_again} frames came again under the same number; used once"),
+        (
+            stuck,
+            f"stuck: {stuck} frames were the third or later in a row with the same pixels; not used, so the finger "
+            "fell silent where they went on",
+        ),
+        (
+            0 if stuck else r.n_identical,
+            f"{r.n_identical} frames have exactly the pixels of the one before, as a sensor's raw frames never do; "
+            "used",
+        ),
+    )
+    return [f"{name}: {text}" for n, text in counted if n]
 
 
 def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list[str]:

@@ -35,16 +35,10 @@ class TouchLoop:
     A finger with a newest frame older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, a
     finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
-    Args:
-        maxima: Maxima by finger; the keys are the fingers in use.
-        layout: Layout of the vest's motors.
-        mirror: Faces with reversed columns.
-        felt: Evens out the perceived intensity; ``None`` sends the law's own intensities.
-        mapping: Makes the mapping; ``None`` for that of Eq 7 to 9.
-
-    Attributes:
-        found: Events that the newest frame showed; none unless the mapping wants them or :meth:`find_events` was
-            called.
+    The keys of ``maxima`` are the fingers in use; ``mirror`` has the faces with reversed columns. ``felt`` evens out
+    the perceived intensity, ``None`` sends the law's own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9.
+    ``found`` are the events that the newest frame showed; none unless the mapping wants them or :meth:`find_events`
+    was called.
     """
 
     def __init__(
@@ -82,14 +76,9 @@ class TouchLoop:
         self._detector = self._detector or Detector()
 
     def update(self, finger: str, contact: Contact) -> Contact:
-        """Take one measured frame.
+        """Take the contact of one measured frame, as its metric gives it.
 
-        Args:
-            finger: The finger.
-            contact: Contact in the frame, as its metric gives it.
-
-        Returns:
-            The contact with the finger, its shares of the maxima and its columns; 0 all of them without contact.
+        It is returned with the finger, its shares of the maxima and its columns; 0 all of them without contact.
         """
         cci_norm = eda_norm = front = back = 0.0
         if contact.in_contact:
@@ -127,11 +116,7 @@ class TouchLoop:
         return {name: contact for name, contact in self._newest.items() if t_ns - contact.t_ns <= STALE_NS}
 
     def frame(self, t_ns: int) -> MotorLevels:
-        """Return the vest frame for a time.
-
-        Raises:
-            InvalidValueError: The mapping gave no finite number for every motor.
-        """
+        """Return the vest frame for a time; ``InvalidValueError`` as :meth:`displayed`."""
         contacts = self.fresh_contacts(t_ns)
         events = tuple(self._events)
         self._events.clear()
@@ -142,8 +127,7 @@ class TouchLoop:
     ) -> MotorLevels:
         """Return the vest frame of contacts and events: the mapping's output, evened out for the wearer.
 
-        Raises:
-            InvalidValueError: The mapping gave no finite number for every motor.
+        ``InvalidValueError`` if the mapping gave no finite number for every motor.
         """
         frame = self._made(self.mapping.levels(t_ns, contacts, events))
         return frame if self._felt is None else self._felt.apply(frame)

@@ -6,7 +6,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterator
 from typing import Final, NamedTuple, cast
 
-from tega.devices.base import DeviceInfo, TactileFrame, TactileSource
+from tega.devices.base import TactileFrame, TactileSource
 from tega.loop.inbox.frames import UNWATCHED, FrameMeter, FrameWatch, measured_contacts
 from tega.loop.inbox.inputs import Finger
 from tega.loop.inbox.reader import READ_TIMEOUT_S, ReadAhead
@@ -64,13 +64,7 @@ class RecordedFingers:
         self._ends_ns: dict[str, int] = {}
         self._read: ReadAhead[_Found] | None = None
 
-    def add(
-        self,
-        name: str,
-        finger: Finger,
-        metric: Metric,
-        watch: FrameWatch = UNWATCHED,
-    ) -> None:
+    def add(self, name: str, finger: Finger, metric: Metric, watch: FrameWatch = UNWATCHED) -> None:
         """Add a finger whose source is not live, before anything is measured.
 
         When ``watch`` observes a frame, the metric knows whether it is ``loaded``.
@@ -135,7 +129,7 @@ class _TimedPictures:
     """A recording's pictures, of which the next one's time is known before it is measured."""
 
     def __init__(self, name: str, source: TactileSource) -> None:
-        self._info = source.info
+        self.info = source.info
 
         def frames(stopped: Callable[[], bool]) -> Iterator[TactileFrame]:
             while not (stopped() or source.ended):
@@ -145,10 +139,6 @@ class _TimedPictures:
         self._frames = ReadAhead(name, frames, capacity=_AHEAD)
         self._next: TactileFrame | None = None
         self._over = False
-
-    @property
-    def info(self) -> DeviceInfo:
-        return self._info
 
     @property
     def ended(self) -> bool:

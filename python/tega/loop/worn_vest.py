@@ -66,9 +66,7 @@ class KeptDose:
         may_be: Sequence[Path] = (),
         now_s: Callable[[], float] = time.time,
     ) -> None:
-        self._file = file
-        self._budget = budget
-        self._now_s = now_s
+        self._file, self._budget, self._now_s = file, budget, now_s
         began_s = now_s()
         self._before = _of_the_day(file, began_s)
         self._carried_s, heat = _left(self._before, began_s)

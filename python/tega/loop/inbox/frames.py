@@ -49,9 +49,7 @@ class FrameMeter:
         start_ns: int = 0,
     ) -> None:
         self._shape = baseline.shape
-        self.metric = metric
-        self.report = report
-        self.live = live
+        self.metric, self.report, self.live = metric, report, live
         self.start_ns = start_ns if live else 0
         self._last: KeptPicture | None = None
         self._n_equal = 0
@@ -199,14 +197,7 @@ def measured_contacts(
 
     In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes
     away the finger falls silent after 100 ms; it is opened again, once a second, until that works or the run
-    ends.
-
-    A frame that the source delivers again, by its number, is passed over. One with exactly the pixels of the
-    frame before it is not measured again. Of a live source the third and later of such frames in a row are
-    not passed on: the sensor is stuck, and its finger falls silent like any without fresh frames until pixels
-    change.
-
-    ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
+    ends. ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
     """
 
     def measure(frame: TactileFrame, received_ns: int) -> tuple[TactileFrame, int, Contact | None]:

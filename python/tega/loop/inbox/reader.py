@@ -40,15 +40,9 @@ class Reader(Generic[Given]):
         rank: Rank | None = None,
     ) -> None:
         self._produce, self._take, self._done = produce, take, done
-        self._rank: Rank | None = rank
-        self._stop = threading.Event()
+        self._rank, self._stop = rank, threading.Event()
         self._thread = threading.Thread(target=self._work, name=f"tega-{name}", daemon=True)
         self._thread.start()
-
-    @property
-    def stopped(self) -> bool:
-        """Whether the reader was closed."""
-        return self._stop.is_set()
 
     def _work(self) -> None:
         end_ns, error = None, None

@@ -150,16 +150,13 @@ class BlockMeter:
         start_ns: int = 0,
         adaptation: ChannelAdaptation | None = None,
     ) -> None:
-        self._decoder = decoder
-        self._adaptation = adaptation
+        self._decoder, self._adaptation, self.report = decoder, adaptation, report
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
         # The faults that the report tells.
         self._reported = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
         self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
-        self._names = maxima.channels
-        self.report = report
-        self._rate_hz = maxima.rate_hz
+        self._names, self._rate_hz = maxima.channels, maxima.rate_hz
         self._live = live
         self._start_ns = start_ns if live else 0
         self._n_samples = self._next_index = 0

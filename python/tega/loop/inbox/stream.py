@@ -50,10 +50,6 @@ class Stream(Protocol[Item_co]):
         """Return the next item known at ``t_ns``, or ``None`` when there is none (yet)."""
         ...
 
-    def close(self) -> None:
-        """Stop producing."""
-        ...
-
 
 class PulledStream(Generic[Item]):
     """A stream of items that exist already or are computed on demand.
@@ -89,13 +85,6 @@ class PulledStream(Generic[Item]):
         head = self._head
         self._advance()
         return head
-
-    def close(self) -> None:
-        """Discard the remaining items."""
-        close = getattr(self._items, "close", None)
-        if close is not None:
-            close()
-        self._begun, self._head, self.ended, self.due_ns = True, None, True, NEVER_NS
 
 
 class LiveStream(Generic[Item]):
@@ -182,9 +171,3 @@ class LiveStream(Generic[Item]):
                 self._error = None
                 raise error
         return None
-
-    def close(self) -> None:
-        """Discard the remaining items, and accept no more."""
-        with self._lock:
-            self._items.clear()
-            self._stopped = self.ended = True
