@@ -1,7 +1,8 @@
 """Draw contacts, their course, vest frames and levels on Matplotlib axes.
 
-Each function draws on the axes given, or on new ones, and returns them. A course is drawn from a topic of a recording,
-a data frame or a structured array: anything with columns by name, ``t_s`` among them.
+Each function draws on the ``axes`` given, or on new ones, and returns them; :class:`~tega.errors.MissingExtraError`
+where Matplotlib is not installed. A course is drawn from a topic of a recording, a data frame or a structured array:
+anything with columns by name, ``t_s`` among them.
 
 Example:
     >>> import tega
@@ -49,12 +50,8 @@ def contact(
     Args:
         frame: The picture, uint8 (H, W, 3), BGR.
         baseline: Picture of the untouched gel, likewise.
-        reading: Preset of :func:`tega.tactile.read_contact`.
-        axes: Axes to draw on; ``None`` for new ones.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-        TegaError: As :func:`tega.tactile.read_contact`.
+        reading: Preset of :func:`tega.tactile.read_contact`, whose errors it raises.
+        axes: Axes to draw on.
     """
     axes = _axes(axes)
     found = tactile.read_contact(frame, baseline, reading=reading)
@@ -72,12 +69,8 @@ def course(data: Any, *names: str, axes: Axes | None = None) -> Axes:
 
     Args:
         data: A topic of a recording, a data frame, or another mapping of columns.
-        names: Columns to draw.
-        axes: Axes to draw on; ``None`` for new ones.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-        InvalidValueError: There is no such column.
+        names: Columns to draw; ``InvalidValueError`` where there is no such one.
+        axes: Axes to draw on.
     """
     axes, table = _axes(axes), _columns(data)
     origin = f"{data.name} " if isinstance(data, Topic) else ""
@@ -94,12 +87,8 @@ def levels(data: Any, *, axes: Axes | None = None) -> Axes:
     """Draw the level of each muscle, and their fused level, over time.
 
     Args:
-        data: The topic ``/emg/levels`` of a recording, or its columns.
-        axes: Axes to draw on; ``None`` for new ones.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-        InvalidValueError: There is no column ``fused``.
+        data: The topic ``/emg/levels`` of a recording, or its columns, ``fused`` among them.
+        axes: Axes to draw on.
     """
     axes, table = _axes(axes), _columns(data)
     times = _column(table, "t_s")
@@ -116,38 +105,22 @@ def vest(frame: MotorLevels | VestRecord, *, axes: Axes | None = None) -> Axes:
     """Draw a vest frame: each motor a disc, the darker the harder it vibrates.
 
     Args:
-        frame: The frame; its front is drawn at the left.
-        axes: Axes to draw on; ``None`` for new ones.
-
-    Raises:
-        MissingExtraError: Matplotlib is not installed.
-        InvalidValueError: The layout is not known.
+        frame: The frame, of a known layout; its front is drawn at the left.
+        axes: Axes to draw on.
     """
     axes = _axes(axes)
     collections: Any = require("matplotlib.collections", driver="plot", extra="plot")
     drawn = list(spots(find_layout(frame.layout), list(frame.intensities)))
-    faces = np.array([[*_rgb(), spot.percent / 100] for spot in drawn])
-    motors = collections.EllipseCollection(
-        [2 * RADIUS] * len(drawn),
-        [2 * RADIUS] * len(drawn),
-        [0.0] * len(drawn),
-        units="xy",
-        offsets=[(s.x, s.y) for s in drawn],
-        offset_transform=axes.transData,
-        facecolors=faces,
-        edgecolors="grey",
-    )
-    axes.add_collection(motors)
+    rgb = [int(_MOTOR_COLOUR[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    look = {"facecolors": np.array([[*rgb, spot.percent / 100] for spot in drawn]), "edgecolors": "grey"}
+    place = {"offsets": [(spot.x, spot.y) for spot in drawn], "offset_transform": axes.transData}
+    sides, turns = [2 * RADIUS] * len(drawn), [0.0] * len(drawn)
+    axes.add_collection(collections.EllipseCollection(sides, sides, turns, units="xy", **place, **look))
     for x, name in ((WIDTH / 2, "front"), (1.5 * WIDTH, "back")):
         axes.text(x, 0.1 * HEIGHT, name, ha="center")
     axes.set(xlim=(0, 2 * WIDTH), ylim=(HEIGHT, 0), aspect="equal", title=frame.layout)
     axes.set_axis_off()
     return axes
-
-
-def _rgb() -> tuple[float, float, float]:
-    red, green, blue = (int(_MOTOR_COLOUR[k : k + 2], 16) / 255 for k in (1, 3, 5))
-    return red, green, blue
 
 
 def _axes(axes: Axes | None) -> Axes:

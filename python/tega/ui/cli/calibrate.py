@@ -133,8 +133,8 @@ def calibrate(
         ball=None if known_ball is None else Ball(*known_ball),
     )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
-    same = [word for name in only for word in ("--only", name)]
-    same += [w for s in sets for w in ("--set", s)]
+    given = (*(("--only", name) for name in only), *(("--set", one) for one in sets))
+    same = [word for words in given for word in words]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
 
     def report(files: list[Path], *, finished: bool) -> None:
@@ -181,11 +181,9 @@ def _reported(files: list[Path]) -> list[dict[str, Any]]:
 
     reported = []
     for file in files:
-        if file.suffix == ".json":
-            reported.append({"file": str(file), "record": json.loads(file.read_text(encoding="utf-8"))})
-            continue
-        record = file if file.suffix == ".toml" else file.with_suffix(".toml")
-        tree = tomllib.loads(record.read_text(encoding="utf-8"))
+        record = file if file.suffix in {".json", ".toml"} else file.with_suffix(".toml")
+        text = record.read_text(encoding="utf-8")
+        tree = json.loads(text) if record.suffix == ".json" else tomllib.loads(text)
         plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
         reported.append({"file": str(record), "record": plain})
     return reported
@@ -216,17 +214,14 @@ def emg_recalibrate(
     written if a channel gives less than a quarter or more than four times its calibrated value, or if rest and effort
     cannot be distinguished. With --json: {"person", "record", "model"}.
     """
-    import json
-
-    from tega.config import load_config
     from tega.config.calibration.folder import CalibrationFolder
     from tega.config.calibration.records import utc_now
     from tega.setup.calibration.refresh import HALF_S, recalibrate
     from tega.setup.calibration.sitting import Sitting, Times
     from tega.ui.cli.guide_page import guided
 
-    config = load_config(settings, sets=worn_by(person, sets)).config
-    home = CalibrationFolder(config.calibration.folder or settings.absolute().parent / "calibrations")
+    config, kept = _settings(settings, person, None, sets)
+    home = CalibrationFolder(kept)
     times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
     with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
         found = recalibrate(Sitting(config, person, home, guide, times, utc_now), out)

@@ -11,7 +11,7 @@ import msgspec
 from tega.errors import TegaError
 from tega.runtime.files.toml_text import toml_value
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import PATH, echo_json, json_option, scalar_text, sets_option
+from tega.ui.cli.options import PATH, echo_json, json_option, sets_option, value_text
 
 if TYPE_CHECKING:
     from tega.config import SettingValue
@@ -43,24 +43,18 @@ def show(*, file: Path | None, sets: tuple[str, ...], changed: bool, as_json: bo
     if changed:
         values = changed_values(values)
     if as_json:
-        echo_json(
-            [
-                {"key": k, "value": _plain(v.value), "unit": unit_of(k), "origin": v.origin}
-                for k, v in values.items()
-            ]
-        )
+        each = values.items()
+        echo_json([{"key": k, "value": _plain(v), "unit": unit_of(k), "origin": o} for k, (v, o) in each])
         return
-    by_kind = {
-        key: _text(value) if value is None else f"{_text(value)} {unit_of(key)}".rstrip()
-        for key, (value, _) in values.items()
-    }
     if not values:
         click.echo("every setting has its default value")
         return
-    width = max(map(len, values))
-    value_width = min(_VALUE_WIDTH, max(map(len, by_kind.values())))
-    for key, (_, origin) in values.items():
-        click.echo(f"{key:<{width}}  {by_kind[key]:<{value_width}}  {origin}")
+    texts = [
+        _text(v) if v is None else f"{_text(v)} {unit_of(key)}".rstrip() for key, (v, _) in values.items()
+    ]
+    width, value_width = max(map(len, values)), min(_VALUE_WIDTH, max(map(len, texts)))
+    for (key, (_, origin)), text in zip(values.items(), texts, strict=True):
+        click.echo(f"{key:<{width}}  {text:<{value_width}}  {origin}")
 
 
 @config.command(epilog="Example: tega-teleop config check session.toml")
@@ -74,15 +68,16 @@ def check(*, file: Path, sets: tuple[str, ...], as_json: bool) -> None:
     """
     from tega.config import load_config
 
+    found = {"file": file.name, "ok": True, "error": "", "hint": ""}
     try:
         load_config(file, sets=sets)
     except TegaError as error:
-        if as_json:
-            echo_json({"file": file.name, "ok": False, "error": error.message, "hint": error.hint})
+        found |= {"ok": False, "error": error.message, "hint": error.hint}
         raise
-    if as_json:
-        echo_json({"file": file.name, "ok": True, "error": "", "hint": ""})
-    else:
+    finally:
+        if as_json:
+            echo_json(found)
+    if not as_json:
         click.echo(f"{file.name}: ok")
 
 
@@ -92,14 +87,12 @@ def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
 
     preset = values["session.preset"].value
     default = load_config(None, environ={}, sets=[f"session.preset={preset}"]).values
+    if values["session.preset"].origin != "default":
+        default["session.preset"] = default["session.preset"]._replace(value=SessionConfig().session.preset)
     return {
         key: value
         for key, value in values.items()
-        if (key not in default and value.origin != "default")
-        or (key in default and default[key].value != value.value)
-        or (
-            key == "session.preset" and value.origin != "default" and preset != SessionConfig().session.preset
-        )
+        if (value.value != default[key].value if key in default else value.origin != "default")
     }
 
 
@@ -114,4 +107,4 @@ def _plain(value: Any) -> Any:
 def _text(value: Any) -> str:
     if isinstance(value, tuple):
         return ", ".join(map(_text, value)) or "none"
-    return toml_value(_plain(value)) if isinstance(value, msgspec.Struct) else scalar_text(value)
+    return toml_value(_plain(value)) if isinstance(value, msgspec.Struct) else value_text(value)

@@ -10,7 +10,15 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import to_builtins
 
-from tega.ui.cli.options import PATH, echo_json, json_option, sets_option, with_origin, worn_by
+from tega.ui.cli.options import (
+    PATH,
+    echo_json,
+    json_option,
+    person_option,
+    sets_option,
+    with_origin,
+    worn_by,
+)
 
 if TYPE_CHECKING:
     from tega.setup.doctor import Examination, Finding
@@ -23,11 +31,7 @@ _WIDTHS = (60, 110)
 
 @click.command(epilog="Example: tega-teleop doctor lab.toml")
 @click.argument("config", type=PATH, metavar="[SETTINGS.toml]", required=False)
-@click.option(
-    "--person",
-    metavar="ID",
-    help="Participant ID whose calibration is checked (default: calibration.person).",
-)
+@person_option("Participant ID whose calibration is checked (default: calibration.person).")
 @sets_option
 @click.option(
     "--udev-rules", is_flag=True, help="Print the rules that let your user open the devices, and end."

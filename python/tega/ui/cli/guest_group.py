@@ -17,12 +17,6 @@ def guest_verbs(group: str = "") -> dict[str, tuple[Feature, Verb]]:
     }
 
 
-def guest_command(feature: Feature, verb: Verb) -> click.Command:
-    """Import the command of a feature's verb."""
-    command: click.Command = load_target(verb.target, feature, click.Command, "click command")
-    return command
-
-
 class GuestGroup(click.Group):
     """A group of verbs to which features add more, each imported when it is called."""
 
@@ -40,8 +34,8 @@ class GuestGroup(click.Group):
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a verb of the group."""
-        own = super().get_command(ctx, cmd_name)
-        if own is not None:
-            return own
-        found = guest_verbs(self.name or "").get(cmd_name)
-        return None if found is None else guest_command(*found)
+        command = super().get_command(ctx, cmd_name)
+        if command is None and (found := guest_verbs(self.name or "").get(cmd_name)) is not None:
+            feature, verb = found
+            command = load_target(verb.target, feature, click.Command, "click command")
+        return command

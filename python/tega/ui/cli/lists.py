@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, scalar_text, with_origin
+from tega.ui.cli.options import echo_json, json_option, value_text, with_origin
 
 if TYPE_CHECKING:
     from tega.setup.doctor.bench import DriverProbe
@@ -109,12 +109,6 @@ def stages(*, as_json: bool) -> None:
             width = max((len(option.name) for option in stage.options), default=0)
             for option in stage.options:
                 unit = "" if option.default is None else f" {option.unit}".rstrip()
-                default = f"{_text(option.default)}{unit}"
+                default = f"{value_text(option.default)}{unit}"
                 choices = f" (one of {', '.join(option.choices)})" if option.choices else ""
                 click.echo(f"      {option.name:<{width}}  {default}{choices}: {option.summary}")
-
-
-def _text(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return f"[{', '.join(map(_text, value))}]"
-    return scalar_text(value)

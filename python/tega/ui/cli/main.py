@@ -15,7 +15,7 @@ import click
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 from tega.runtime.features import Verb, author_of, show_warnings
 from tega.runtime.lifecycle import needs_tools
-from tega.ui.cli.guest_group import guest_command, guest_verbs
+from tega.ui.cli.guest_group import GuestGroup, guest_verbs
 
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 
@@ -84,17 +84,15 @@ _EARLIER = {
 _GROUPS = ("Start", "Prepare", "Examine", "Two machines", "Groups")
 
 
-class _Verbs(click.Group):
+class _Verbs(GuestGroup):
     """Verbs of TEGA and of its features by name, imported when called, listed by the life cycle of a session."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002  # click's signature
         return [*_VERBS, *guest_verbs()]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:  # noqa: ARG002
-        verb = _VERBS.get(cmd_name)
-        if verb is None:
-            guest = guest_verbs().get(cmd_name)
-            return None if guest is None else guest_command(*guest)
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if (verb := _VERBS.get(cmd_name)) is None:
+            return super().get_command(ctx, cmd_name)
         with needs_tools(f"tega-teleop {cmd_name}"):
             module, _, function = verb.target.partition(":")
             command: click.Command = getattr(importlib.import_module(module), function)
@@ -142,6 +140,7 @@ Type one of these first:
 
 
 @click.group(
+    "",
     cls=_Verbs,
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110},

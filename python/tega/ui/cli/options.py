@@ -89,7 +89,22 @@ def all_options(*options: Callable[[Any], Any]) -> Callable[[_Function], _Functi
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 sets_option = click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE", help="Override a setting; repeatable."
+    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    help="Override a setting, such as session.preset=paper; repeatable.",
+)  # fmt: skip
+picture_option = click.option(
+    "--picture", type=PngPath(),
+    help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time.",
+)  # fmt: skip
+
+
+def person_option(help_text: str) -> Callable[[_Function], _Function]:
+    """Return the option that names a participant, with what it is for."""
+    return click.option("--person", metavar="ID", help=help_text)
+
+
+worn_option: Final = person_option(
+    "Person who wears the vest; it stays within the rest of that person's daily vibration."
 )
 calibrated_person_option = click.option(
     "--person", required=True, metavar="ID", help="Whose calibration: a code such as p01, not a name."
@@ -108,8 +123,10 @@ def echo_json(value: Any) -> None:
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
-def scalar_text(value: object) -> str:
-    """Return one value of a setting in words."""
+def value_text(value: object) -> str:
+    """Return a value of a setting in words."""
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(value_text, value))}]"
     if value is None:
         return "not set"
     if isinstance(value, float):

@@ -7,6 +7,7 @@ import sys
 import webbrowser
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
@@ -100,14 +101,12 @@ def browser_observer(
     """Serve the page, and print on stderr where; the caller polls the ``controls``.
 
     ``opened`` is given the page's address; ``options`` are further arguments of
-    :class:`~tega.ui.view.browser.BrowserView`. Yield the view: call it with a loop's moment, as its observer,
-    or :meth:`~tega.ui.view.browser.BrowserView.offer` it a :class:`~tega.ui.view.state.ViewState`.
+    :class:`~tega.ui.view.browser.BrowserView`, which is yielded.
     """
     from tega.ui.view.browser import BrowserView
 
     with BrowserView(title, port=port, controls=controls, **(options | page_address())) as view:
-        opened(view.url)
-        url = view.url
+        opened(url := view.url)
         yield view
     click.echo(f"view: the page was served until now at\n{url}", err=True)
     if view.problem:
@@ -139,6 +138,7 @@ def run_viewed(
     words. ``opened`` is given the page's address before the run begins.
     """
     from tega.loop import run_session
+    from tega.loop.adapting import REZERO_SEAT, UNDO_SEAT
     from tega.loop.controls import Controls as RunControls
     from tega.loop.controls import MotorTests
     from tega.records import bus as run_bus
@@ -159,15 +159,14 @@ def run_viewed(
         reflex=None if reflex is None or reflex.name is None else reflex.authority,
     )
     tests = MotorTests()
-    live = run is None and not can_pause
-    ends = Stop()
+    live, ends = run is None and not can_pause, Stop()
     ends.also(lambda: (getattr(stop, "reason", "") or "asked to") if stop() else "")
     ends.also(lambda: "the page's button" if controls.stopped else "")
     feed = SessionFeed({"preset": config.session.preset}, bus)
     if config.stages.adaptation.on and not can_pause:
-        controls.undo = feed.undo
+        controls.undo = partial(feed.press, UNDO_SEAT)
     if live:
-        controls.try_motor, controls.rezero = tests.ask, feed.rezero
+        controls.try_motor, controls.rezero = tests.ask, partial(feed.press, REZERO_SEAT)
     kept = {} if live else {"kept_s": _RECORDING_KEPT_S}
     looks = {"complete": feed.complete, "eye_m": EYE_M, "at_m": LOOK_AT_M, **kept}
     with browser_observer(title, port=port, controls=controls, opened=opened, **looks) as view:

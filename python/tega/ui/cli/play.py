@@ -7,7 +7,16 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import FILE, PATH, echo_json, json_option, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import (
+    FILE,
+    PATH,
+    echo_json,
+    json_option,
+    sets_option,
+    stop_keys,
+    worn_by,
+    worn_option,
+)
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -33,11 +42,7 @@ class _Speed(click.ParamType[float | None]):
     metavar="LAB.toml",
     help="Settings file with the vest and hand to play on (default: draw the vest in the terminal).",
 )
-@click.option(
-    "--person",
-    metavar="ID",
-    help="Person who wears the vest; playback stays within the rest of that person's daily vibration.",
-)
+@worn_option
 @sets_option
 @click.option(
     "--speed",

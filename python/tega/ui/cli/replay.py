@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from tega.ui.cli.emg_logs import column_options, kind_option
-from tega.ui.cli.options import PATH, PngPath, json_option, progress_bar
+from tega.ui.cli.options import PATH, json_option, picture_option, progress_bar, sets_option
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -76,19 +76,8 @@ class _Named(click.ParamType[tuple[str, str]]):
     type=PATH,
     help="Folder for the tables: new, empty, or an earlier run's, whose results are then kept below it.",
 )
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Override a setting, such as stages.metric.options.outline=contact; repeatable.",
-)
-@click.option(
-    "--picture",
-    type=PngPath(),
-    help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time; else picture.png "
-    "in the folder --out.",
-)
+@sets_option
+@picture_option
 @view_options
 @json_option
 def replay(

@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.runtime.features import call_feature, load_target, named
-from tega.ui.cli.options import PATH, all_options, json_option, progress_bar, sets_option, stop_keys, worn_by
+from tega.ui.cli.options import (
+    PATH,
+    all_options,
+    json_option,
+    person_option,
+    progress_bar,
+    sets_option,
+    stop_keys,
+    worn_by,
+)
 from tega.ui.cli.page import open_page, run_viewed, view_options
 
 if TYPE_CHECKING:
@@ -113,9 +122,7 @@ def streamed(bus: Bus, names: Sequence[str]) -> Iterator[None]:
 
 run_options = all_options(
     click.argument("config", type=PATH, metavar="CONFIG.toml"),
-    click.option(
-        "--person", metavar="ID", help="Participant ID whose calibration is used (calibration.person)."
-    ),
+    person_option("Participant ID whose calibration is used (calibration.person)."),
     sets_option,
     click.option(
         "--record", type=PATH, metavar="DIR", help="Record into this session's folder (recording.dir)."

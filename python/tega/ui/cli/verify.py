@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
-from tega.ui.cli.options import PATH, PngPath, echo_json, json_option, progress_bar
+from tega.ui.cli.options import PATH, echo_json, json_option, picture_option, progress_bar, sets_option
 
 if TYPE_CHECKING:
     from tega.recording.replay import Replay
@@ -18,18 +18,8 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: tega-teleop verify sessions/monday")
 @click.argument("session", type=PATH)
 @click.option("--config", type=PATH, help="Run it through these settings instead.")
-@click.option(
-    "--set",
-    "sets",
-    multiple=True,
-    metavar="KEY=VALUE",
-    help="Run it with another setting, such as stages.metric.options.outline=contact; repeatable.",
-)
-@click.option(
-    "--picture",
-    type=PngPath(),
-    help="PNG file for a figure of the recording: firmest contacts, then touch, level, fingers and vest over time.",
-)
+@sets_option
+@picture_option
 @json_option
 def verify(
     *, session: Path, config: Path | None, sets: tuple[str, ...], picture: Path | None, as_json: bool

@@ -8,7 +8,7 @@ import click
 
 from tega.errors import ConfigError
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import PATH, sets_option, worn_by
+from tega.ui.cli.options import PATH, sets_option, worn_by, worn_option
 
 
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
@@ -26,11 +26,7 @@ from tega.ui.cli.options import PATH, sets_option, worn_by
     show_default=True,
     help="How long each motor vibrates, seconds.",
 )
-@click.option(
-    "--person",
-    metavar="ID",
-    help="Person who wears the vest; the run stays within the rest of that person's daily vibration.",
-)
+@worn_option
 @sets_option
 def identify(
     *,

@@ -151,31 +151,6 @@ def _state(view: LoopView, *, late: bool, most_alerts: int | None) -> Text:
     return text
 
 
-def _head(view: LoopView, rows: Mapping[str, str], *, age_s: float, tall: bool) -> list[RenderableType]:
-    """Return the lines that say how the run is."""
-    late = age_s >= NO_NEWS_S and view.state != "stopped"
-    lines: list[RenderableType] = []
-    if late:
-        lines.append(Text(f"{NO_NEWS} {age_s:.0f} s: the values below may be out of date", "bold red"))
-    if view.state:
-        lines.append(_state(view, late=late, most_alerts=None if tall else _MOST_ALERTS))
-    if rows:
-        lines.append(_task(rows))
-    return lines
-
-
-def _touch_and_vest(view: LoopView, labels: ContactLabels, *, wide: bool, tall: bool) -> list[RenderableType]:
-    """Return fingers and vest: side by side, or the vest below with a face a line."""
-    touch, vest = _touch(view, labels, bar=14 if wide else 18), _device_rows(view)["vest"]
-    rule = f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}"
-    rules = [Text(rule, style="grey50")] if tall else []
-    if not wide or view.vest is None:
-        return [touch, *rules, vest, *_vest_lines(view.vest)]
-    beside = Table.grid(padding=(0, 2))
-    beside.add_row(touch, _vest_panels(view.vest))
-    return [beside, *rules, vest]
-
-
 def _more(view: LoopView) -> list[RenderableType]:
     """Return the lines of devices that not every run has."""
     return [
@@ -207,19 +182,33 @@ def render(
     rates and latency.
     """
     wide, tall = width >= _WIDE, height >= _TALL
+    late = age_s >= NO_NEWS_S and view.state != "stopped"
     rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
     devices = _device_rows(view)
-    body = Group(
-        *_head(view, rows, age_s=age_s, tall=tall),
-        *_touch_and_vest(view, labels or ContactLabels(), wide=wide, tall=tall),
+    lines: list[RenderableType] = []
+    if late:
+        lines.append(Text(f"{NO_NEWS} {age_s:.0f} s: the values below may be out of date", "bold red"))
+    if view.state:
+        lines.append(_state(view, late=late, most_alerts=None if tall else _MOST_ALERTS))
+    if rows:
+        lines.append(_task(rows))
+    touch = _touch(view, labels or ContactLabels(), bar=14 if wide else 18)
+    beside = wide and view.vest is not None  # else a face of the vest is a line below
+    if beside:
+        grid = Table.grid(padding=(0, 2))
+        grid.add_row(touch, _vest_panels(view.vest))
+        touch = grid
+    rule = f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}"
+    lines += [touch, *([Text(rule, style="grey50")] if tall else []), devices["vest"]]
+    lines += [] if beside else _vest_lines(view.vest)
+    lines += [
         devices["muscles"],
         devices["hand"],
         Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
-        *([Text(view.latency, style="grey70")] if view.latency else []),
-        *_more(view),
-    )
+    ]
+    lines += [Text(view.latency, style="grey70")] if view.latency else []
     return Panel(
-        body,
+        Group(*lines, *_more(view)),
         title=title,
         title_align="left",
         subtitle=address or None,
@@ -231,9 +220,8 @@ def render(
 class TerminalView:
     """Shows the loop while it runs; gives up frames rather than keep the loop waiting.
 
-    Use as a context manager and pass it to the loop as its observer. A console of ``None`` is standard error;
-    the refresh and the shown rates go by ``now_s``. ``address`` is that of the page in the browser, shown in
-    the frame; empty without one.
+    Use as a context manager. The refresh and the shown rates go by ``now_s``. ``address`` is that of the page in the
+    browser, shown in the frame; empty without one.
     """
 
     def __init__(

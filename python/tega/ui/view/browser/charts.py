@@ -70,10 +70,8 @@ class Delays:
             y = base - BUDGET_MS * scale
             ink = "#c92a2a" if has_budget and p99_ms > BUDGET_MS else "#495057"
             allowed = f" · budget {BUDGET_MS:.0f}" if has_budget else ""
-            limit = (
-                f'<line x1="{_LEFT}" x2="{_WIDTH - _LEFT}" y1="{y:.1f}" y2="{y:.1f}" stroke="#fa5252"'
-                ' stroke-width="0.8"/>'
-            )
+            across = f'x1="{_LEFT}" x2="{_WIDTH - _LEFT}" y1="{y:.1f}" y2="{y:.1f}"'
+            limit = f'<line {across} stroke="#fa5252" stroke-width="0.8"/>'
             parts.append(
                 f'<text x="{_LEFT}" y="{top + 12}" fill="{ink}">{escape(name)} {self.words(name)}'
                 f"{allowed}</text>{limit if has_budget else ''}"
@@ -154,7 +152,7 @@ class MuscleCharts:
 
     def __init__(self, gui: viser.GuiApi) -> None:
         self._gui = gui
-        self._raw: Any = None
+        self._raw: Any = None  # until it is known how many channels there are
         self._drive: Any = None
 
     def draw(self, t_s: float, emg: EmgTail) -> None:
@@ -164,10 +162,8 @@ class MuscleCharts:
         if n == 0:
             return
         if self._raw is None:
-            muscles = [
-                (str(k + 1) if k else "muscle 1", MUSCLE_COLOURS[k % len(MUSCLE_COLOURS)])
-                for k in range(channels)
-            ]
+            colours = [MUSCLE_COLOURS[k % len(MUSCLE_COLOURS)] for k in range(channels)]
+            muscles = [(str(k) if k > 1 else "muscle 1", colour) for k, colour in enumerate(colours, 1)]
             lines = tuple(_line(colour, 1) for _, colour in muscles)
             self._gui.add_html(_caption("EMG over time (s):", muscles))
             self._raw = _plot(self._gui, lines, channels, y_axis=False)

@@ -14,19 +14,9 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from tega.loop.adapting import REZERO_SEAT, UNDO_SEAT
+from tega import records
 from tega.loop.parts import Part
-from tega.records import (
-    Adaptation,
-    BesideIntent,
-    Button,
-    EmgSamples,
-    Intent,
-    Marker,
-    MuscleCondition,
-    Picture,
-    Record,
-)
+from tega.records import Adaptation, BesideIntent, Button, EmgSamples, Intent, MuscleCondition, Picture
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
@@ -63,9 +53,9 @@ class SessionFeed(Part):
         bus.subscribe(MeasuredPicture, self._measured, name="page")
         bus.subscribe(EmgSamples, self._receive, name="page")
         self._cameras: dict[str, NDArray[np.uint8]] = {}
-        self._marker: Marker | None = None
+        self._marker: records.Marker | None = None
         bus.subscribe(DisplayPicture, self._filmed, name="page")
-        bus.subscribe(Marker, self._mark, name="page")
+        bus.subscribe(records.Marker, self._mark, name="page")
         self._features = DisplayRows(bus, "page")
         self._bus, self._t_ns, self._muscle_rows = bus, 0, MuscleRows(bus)
 
@@ -105,24 +95,18 @@ class SessionFeed(Part):
             poses=poses,
             palm=palm,
             emg=None if muscles is None else self._tail(state.t_ns, muscles),
-            rows={
-                **self._rows,
-                **self._muscle_rows.rows(holds),
-                **self._marked(state.t_ns),
-                **self._features(),
-                **state.rows,
-            },
+            rows=self._rows
+            | self._muscle_rows.rows(holds)
+            | self._marked(state.t_ns)
+            | dict(self._features())
+            | dict(state.rows),
             latency_ms=state.loop.picture_to_vest_ms,
             cameras=self._cameras,
         )
 
-    def undo(self) -> None:
-        """Undo the adaptation of EMG like its key; a second time starts it again."""
-        self._bus.publish(Button(seat=UNDO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
-
-    def rezero(self) -> None:
-        """Have every finger take a new baseline, as the input ``rezero`` does."""
-        self._bus.publish(Button(seat=REZERO_SEAT, t_ns=self._t_ns, seq=0, button="page", pressed=True))
+    def press(self, seat: str) -> None:
+        """Press a button of the page, which does what the input of that seat does."""
+        self._bus.publish(Button(seat=seat, t_ns=self._t_ns, seq=0, button="page", pressed=True))
 
     def _observe(self, picture: Picture) -> None:
         displayed = self._pictures.get(picture.finger)
@@ -140,7 +124,7 @@ class SessionFeed(Part):
             cameras[picture.name] = picture.image
         self._cameras = cameras  # another thread may be reading the one before
 
-    def _mark(self, marker: Marker) -> None:
+    def _mark(self, marker: records.Marker) -> None:
         self._marker = marker
 
     def _marked(self, t_ns: int) -> dict[str, str]:
@@ -260,13 +244,13 @@ class MuscleRows:
 
     def __init__(self, bus: Bus) -> None:
         self._apart = DecodersApart()
-        self._newest: dict[type[Record], Any] = {}
+        self._newest: dict[type[records.Record], Any] = {}
         for kind in (Intent, Adaptation, MuscleCondition):
             bus.subscribe(kind, self._keep, name="page")
         bus.subscribe(Intent, self._apart.connected, name="page")
         bus.subscribe(BesideIntent, self._apart.beside, name="page")
 
-    def _keep(self, record: Record) -> None:
+    def _keep(self, record: records.Record) -> None:
         self._newest[type(record)] = record
 
     def rows(self, holds: str = "") -> dict[str, str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from tega.errors import InvalidValueError
@@ -45,18 +46,10 @@ class Page:
     """Lays the page out and paints moments on it.
 
     ``eye_m`` is the initial position of the camera, world frame, ``at_m`` the point that it looks at. The
-    page can look back ``kept_s``.
-
-    Attributes:
-        run_state: Whether the run is idle, armed, active, in hold or stopped, and why.
-        lights: A light for each device.
-        arm: State of the arm, its reason, the switches held, and the position of the hand; empty without an
-            arm.
-        status: The lines of text.
-        timeline: The moments that can be looked back at.
-        seek: The slider over a recording that is played; ``None`` where none is.
-        inputs: viser's handles of the buttons and choices that there are: ``object``, ``haptics``,
-            ``reflex``, ``pause``, ``go``, ``undo``, ``stop``.
+    page can look back ``kept_s``. ``run_state``, ``lights``, ``arm`` and ``status`` are viser's handles of the texts;
+    ``timeline`` has the moments that can be looked back at, ``seek`` is the slider over a recording that is played,
+    ``None`` where none is. ``inputs`` are the handles of the buttons and choices that there are: ``object``,
+    ``haptics``, ``reflex``, ``pause``, ``go``, ``undo``, ``rezero``, ``stop``.
     """
 
     def __init__(
@@ -84,8 +77,7 @@ class Page:
         gui.main_panel.set_width(_CHART_WIDTH)
         # First of all, and it stays in sight while the panel, or a phone's sheet, is scrolled.
         gui.add_html(STOP_MARK)
-        stop = self.inputs["stop"] = gui.add_button("Stop", color="red")
-        stop.on_click(lambda _event: controls.stop())
+        self._add_button("stop", "Stop", "red", controls.stop)
         self.run_state = gui.add_html("")
         self.lights = gui.add_html("")
         self._phone = gui.add_html("")
@@ -150,17 +142,16 @@ class Page:
                 event.target.label = "Go on" if controls.paused else "Pause"
 
         if controls.can_go:
-            go = self.inputs["go"] = gui.add_button("Go", color="green")
-            go.on_click(lambda _event: controls.go())
+            self._add_button("go", "Go", "green", controls.go)
             self._offer_go(ready=False)
+        if controls.undo is not None:
+            self._add_button("undo", "Undo adaptation", "gray", controls.undo)
+        if controls.rezero is not None:
+            self._add_button("rezero", "New baseline", "gray", controls.rezero)
 
-        if (undo := controls.undo) is not None:
-            button = self.inputs["undo"] = gui.add_button("Undo adaptation", color="gray")
-            button.on_click(lambda _event: undo())
-
-        if (rezero := controls.rezero) is not None:
-            button = self.inputs["rezero"] = gui.add_button("New baseline", color="gray")
-            button.on_click(lambda _event: rezero())
+    def _add_button(self, name: str, label: str, colour: Any, action: Callable[[], None]) -> None:
+        button = self.inputs[name] = self._server.gui.add_button(label, color=colour)
+        button.on_click(lambda _event: action())
 
     def paint(
         self, state: ViewState, *, turn: int, rates_hz: dict[str, float], latency_ms: dict[str, float]
@@ -178,11 +169,8 @@ class Page:
         with self._server.atomic():
             if not past:
                 self._draw_scene(state)
-            if turn == 0:
-                if sheet is not None and not past:
-                    self._pictures.content = sheet
-                if not past:
-                    self.cameras.draw(filmed)
+            if turn == 0 and not past:
+                self._draw_pictures(sheet, filmed)
             elif turn == 1:
                 self.paint_text(state)
                 if self.seek is not None:
@@ -191,10 +179,15 @@ class Page:
                     self._paint_touch(captions_html(state, self._labels), self._torso(state))
                 self._delays.note(latency_ms)
                 self._rates.content = rates_html(rates_hz, state.loop.latency) + self._delays.svg()
-            elif not past:
+            elif turn == 2 and not past:
                 self._course.draw()
                 if state.emg is not None:
                     self._muscles.draw(state.t_ns / 1e9, state.emg)
+
+    def _draw_pictures(self, sheet: str | None, filmed: str | None) -> None:
+        if sheet is not None:
+            self._pictures.content = sheet
+        self.cameras.draw(filmed)
 
     def _draw_scene(self, state: ViewState) -> None:
         commanded = None
@@ -227,9 +220,7 @@ class Page:
             self._draw_scene(state)
             if state.t_ns != self._past_ns:
                 self._past_ns = state.t_ns
-                if sheet is not None:
-                    self._pictures.content = sheet
-                self.cameras.draw(filmed)
+                self._draw_pictures(sheet, filmed)
             # Labels of its own: those of now remember what came before.
             self._paint_touch(captions_html(state, ContactLabels()), self._torso(state))
             self._course.draw(state.t_ns / 1e9)

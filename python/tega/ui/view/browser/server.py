@@ -18,7 +18,6 @@ from tega.ui.view.same_machine import LOOPBACK
 from tega.ui.view.state import ViewState
 
 if TYPE_CHECKING:
-    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
     from tega.ui.view.browser.page import Page
 
@@ -122,8 +121,8 @@ class BrowserView:
         from tega.ui.view.browser.local import LocalServer
         from tega.ui.view.browser.page import Page
 
-        remote, motor = self._allow_remote, self.controls.try_motor
-        self._server = LocalServer(self._host, self._port, self._title, allow_remote=remote, try_motor=motor)
+        how: dict[str, Any] = {"allow_remote": self._allow_remote, "try_motor": self.controls.try_motor}
+        self._server = LocalServer(self._host, self._port, self._title, **how)
         self.page = Page(self._server, title=self._title, controls=self.controls, **self._looks)
         self._over.clear()
         self._waiting.start()
@@ -141,10 +140,6 @@ class BrowserView:
     def offer(self, state: ViewState) -> None:
         """Take a moment to be shown; returns at once."""
         self._waiting.put(BrowserView._paint, self, state)
-
-    def __call__(self, loop: LoopView) -> None:
-        """Take a moment of the loop, as its observer; returns at once."""
-        self.offer(ViewState(loop.t_ns, loop))
 
     def _snapshot(self, snapshot: Snapshot) -> None:
         self._paint(ViewState(snapshot.t_ns, snapshot.view))

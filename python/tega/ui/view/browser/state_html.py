@@ -90,14 +90,9 @@ STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_STOP}{_PHONE}{_
 
 
 _TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
-_STATE_COLOURS = {
-    "idle": "#e8b500",
-    "armed": "#1098ad",
-    "active": "#2b8a3e",
-    "hold": "#e8590c",
-    "stopped": "#c92a2a",
-}
-_ARM_COLOURS = {"idle": "#868e96", "following": "#2b8a3e", "holding": "#e8590c", "stopped": "#c92a2a"}
+_GREEN, _ORANGE, _RED = "#2b8a3e", "#e8590c", "#c92a2a"
+_STATE_COLOURS = {"idle": "#e8b500", "armed": "#1098ad", "active": _GREEN, "hold": _ORANGE, "stopped": _RED}
+_ARM_COLOURS = {"idle": "#868e96", "following": _GREEN, "holding": _ORANGE, "stopped": _RED}
 PAUSED: Final = "#495057"
 TILES: Final = 4
 """Fingers side by side in a line of captions and pictures."""
@@ -208,14 +203,11 @@ def arm_html(view: LoopView) -> str:
 
 def status_html(state: ViewState) -> str:
     """List the lines of text of a moment, two pairs a line."""
+    loop = state.loop
     rows = {"time": f"{state.t_ns / 1e9:.1f} s", **state.rows}
-    if newest := state.loop.newest_event:
-        rows["touch"] = newest
-    if state.loop.reflex:
-        rows["reflex"] = state.loop.reflex
-    if state.loop.vest_condition:
-        rows["vest link"] = state.loop.vest_condition
-    rows |= {name.replace("_", " "): seen.words(name) for name, seen in state.loop.inputs.items()}
+    more = {"touch": loop.newest_event, "reflex": loop.reflex, "vest link": loop.vest_condition}
+    rows |= {name: text for name, text in more.items() if text}
+    rows |= {name.replace("_", " "): seen.words(name) for name, seen in loop.inputs.items()}
     pairs = [
         f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
         f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
@@ -226,17 +218,14 @@ def status_html(state: ViewState) -> str:
     lines = "".join(
         f"<tr>{left}{right}</tr>" for left, right in zip_longest(pairs[:half], pairs[half:], fillvalue="")
     )
-    ended = ' class="tega-ended"' if state.loop.state == "stopped" else ""
-    return f'<table{ended} style="{FONT};margin:2px 8px;line-height:1.5">{_device_lines(state.loop)}{lines}</table>'
-
-
-def _device_lines(loop: LoopView) -> str:
-    """List muscles as decoded, hand as commanded and reported, and vest as sent, a line each."""
-    return "".join(
+    # Muscles as decoded, hand as commanded and reported, and vest as sent, a line each.
+    devices = "".join(
         f'<tr><td style="color:#868e96;padding-right:8px;vertical-align:top">{name}</td>'
         f'<td colspan="3"><b>{escape(text)}</b></td></tr>'
         for name, text in device_rows(loop).items()
     )
+    ended = ' class="tega-ended"' if loop.state == "stopped" else ""
+    return f'<table{ended} style="{FONT};margin:2px 8px;line-height:1.5">{devices}{lines}</table>'
 
 
 def captions_html(state: ViewState, labels: ContactLabels) -> str:
@@ -250,8 +239,8 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
             text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
         else:
             kind = labels.name(contact)
-            word, depth = ("no contact", "") if kind == "none" else (kind, "")
-            if word == kind and contact.depth_mm is not None:
+            word, depth = "no contact" if kind == "none" else kind, ""
+            if kind != "none" and contact.depth_mm is not None:
                 depth = f" {number_text(contact.depth_mm, decimals=2)} mm"
             text = (
                 f"CCI {contact.cci_norm:.2f}<br>EDA {contact.eda_norm:.2f}<br>"
