@@ -46,16 +46,21 @@ def test_the_table_is_the_generated_one() -> None:
     )
 
 
+def check_value(values: Any, item: str) -> None:
+    """Check that the settings have the value of ``key=value``."""
+    key, _, message = item.partition("=")
+    value = values[key].value
+    plain = message.replace("[", "(").replace("]", ")").lower()
+    assert str(value).lower().replace("'", '"') == plain or float(message) == value
+
+
 @pytest.mark.parametrize(("place", "item"), CHOICES, ids=lambda one: getattr(one, "number", one))
 def test_a_setting_of_the_table_is_taken_and_told(place: OpenPlace, item: str) -> None:
     from tega_sim.plan import loop_settings
 
     loaded = load_config(None, environ={}, sets=[*place.needs, item])
-    key, _, message = item.partition("=")
-    value, origin = loaded.values[key]
-    assert origin == "--set"
-    plain = message.replace("[", "(").replace("]", ")").lower()
-    assert str(value).lower().replace("'", '"') == plain or float(message) == value
+    check_value(loaded.values, item)
+    assert loaded.values[item.partition("=")[0]].origin == "--set"
     if _is_everywhere(place):
         assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
 
@@ -86,11 +91,7 @@ def test_a_setting_of_the_table_is_run_recorded_and_replayed(
     assert list(reader.messages())
     recorded = check_tree(tomllib.loads(reader.files["session.toml"].decode()), {}, base=tmp_path).values
     for reported in sets:
-        key, _, message = reported.partition("=")
-        assert key in recorded, f"{key} is not recorded"
-        value = recorded[key].value
-        plain = message.replace("[", "(").replace("]", ")").lower()
-        assert str(value).lower().replace("'", '"') == plain or float(message) == value
+        check_value(recorded, reported)
     assert replay_file(file).same
     # The same recording through the other choice: named as changed, or the same where it makes no difference.
     again = replay_file(file, sets=[reported for reported in sets if reported.startswith("stages.")])
@@ -102,15 +103,7 @@ def test_every_option_of_a_shipped_stage_is_in_the_table_or_no_reading() -> None
     named = {
         item.partition("=")[0].rpartition(".")[2] for place in PLACES for item in (*place.needs, *place.sets)
     }
-    no_reading = {
-        "noise_counts",
-        "mm_per_px",
-        "contact",
-        "release",
-        "slip",
-        "duration_s",
-        "gap_s",
-    }
+    no_reading = {"noise_counts", "mm_per_px", "contact", "release", "slip", "duration_s", "gap_s"}
     shipped = {
         (stage.name, option.name)
         for stage in list_stages()

@@ -33,8 +33,6 @@ class Lab:
     """A lab and the runs on it.
 
     Attributes:
-        tree: The settings.
-        sensors: See :class:`tega_emulators.lab.EmulatedLab`, here and below.
         changes: What the newest run's state did.
         views: The newest moment of it.
         summary: Of the newest run.
@@ -43,9 +41,7 @@ class Lab:
     """
 
     def __init__(self, folder: Path, devices: EmulatedLab) -> None:
-        self.folder = folder
-        self.devices = devices
-        self.tree, self.sensors = devices.tree, devices.sensors
+        self.folder, self.devices = folder, devices
         self.changes: list[RunState] = []
         self.views: list[LoopView] = []
         self.summary: dict[str, Any] = {}
@@ -53,28 +49,9 @@ class Lab:
         self.may_go = True
         self.running: list[subprocess.Popen[bytes]] = []
 
-    @property
-    def emg(self) -> Any:
-        """The emulated amplifier."""
-        return self.devices.emg
-
-    @property
-    def hand(self) -> Any:
-        """The emulated hand."""
-        return self.devices.hand
-
-    @property
-    def vest(self) -> Any:
-        """The emulated vest."""
-        return self.devices.vest
-
-    def limp(self) -> bool:
-        """Whether no motor of the hand pushes."""
-        return self.devices.limp()
-
-    def at_rest(self) -> bool:
-        """Whether no motor of the vest turns."""
-        return self.devices.at_rest()
+    def __getattr__(self, name: str) -> Any:
+        """Return what the emulated lab has, such as ``tree``, ``sensors``, ``emg``, ``limp`` and ``at_rest``."""
+        return getattr(self.devices, name)
 
     @property
     def state(self) -> str:
@@ -156,13 +133,9 @@ def lab(
     **tables: dict[str, Any],
 ) -> Iterator[Lab]:
     """Start emulators; ``tables`` are further settings."""
+    emg_hz = 250.0 if emg else None
     with emulated_lab(
-        folder,
-        emg_hz=250.0 if emg else None,
-        hand=hand,
-        vest=vest,
-        fingers=fingers,
-        camera_hz=camera_hz,
+        folder, emg_hz=emg_hz, hand=hand, vest=vest, fingers=fingers, camera_hz=camera_hz
     ) as devices:
         made = Lab(folder, devices)
         # A busy machine must not matter, except where that is what is tried: emulated devices that wait for a core

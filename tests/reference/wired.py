@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from tega.loop.hand import Hand, ModelledAllegro
+from tega.config.calibration import TouchMaxima
+from tega.loop.hand import ModelledAllegro
 from tega.loop.inbox.stream import Stream
 from tega.loop.loop import DualLoop
 from tega.loop.outputs import HandOutput, VestOutput
@@ -15,11 +16,14 @@ from tega.loop.snapshot import Moments
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Intent
 from tega.records.bus import Bus
+from tega.runtime.clock import ManualClock
+
+FULL = TouchMaxima(cci_max=1.0, eda_max=100.0)
 
 
 def wired_loop(
-    pacer: Pacer,
-    touch: TouchLoop,
+    pacer: Pacer | None = None,
+    touch: TouchLoop | None = None,
     *,
     contacts: Mapping[str, Stream[Contact]],
     levels: Stream[Intent] | None = None,
@@ -30,22 +34,14 @@ def wired_loop(
     poll_hand: Any = None,
     **vest: Any,
 ) -> DualLoop:
-    """Return a loop with a modelled hand.
+    """Return a loop with a modelled hand; ``vests`` and ``hands`` are sinks, ``vest`` options of the vest's output.
 
-    Args:
-        pacer: Deadlines.
-        touch: The back loop.
-        contacts: Stream of each finger.
-        levels: Stream of intents.
-        vests: Sinks of vest frames.
-        hands: Sinks of the hand's frames.
-        bus: Bus of the run; a new one where none is given.
-        reflex: Reflex of the hand.
-        poll_hand: Looks at hand and arm.
-        vest: Options of the vest's output.
+    By default it is paced by a manual clock, and touch has 32 motors and the maxima :data:`FULL`.
     """
+    pacer = pacer or Pacer(ManualClock())
+    touch = touch or TouchLoop(dict.fromkeys(contacts, FULL), layout="paper32")
     bus = Bus() if bus is None else bus
-    hand: Hand = ModelledAllegro()
+    hand, displayed = ModelledAllegro(), [] if reflex is None else [reflex.displayed]
     return DualLoop(
         pacer=pacer,
         touch=touch,
@@ -54,8 +50,6 @@ def wired_loop(
         hand=HandOutput(hand, hands, bus=bus, reflex=reflex),
         vest=VestOutput(touch, vests, bus=bus, now_ns=pacer.elapsed_ns, **vest),
         bus=bus,
-        moments=Moments(
-            bus, None if levels is None else hand, complete=[] if reflex is None else [reflex.displayed]
-        ),
+        moments=Moments(bus, None if levels is None else hand, complete=displayed),
         poll_hand=poll_hand,
     )

@@ -7,14 +7,14 @@ import io
 import re
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 import pytest
 from rich.console import Console
 
-from hazards.bench import Lab, lab
+from hazards.bench import lab
 from reference.parts import observed
 from reference.processes import until
 from reference.sessions import Recorded, read_recorded
@@ -39,14 +39,7 @@ _R = TypeVar("_R", HandCommand, Joints, VestRecord, Intent)
 
 
 class Shown(NamedTuple):
-    """A moment as both displays drew it.
-
-    Attributes:
-        view: The moment.
-        terminal: Rows of the terminal by name.
-        page: Rows of the page by name.
-        discs: Percent on the discs of the page's vest that turn, in the order of the frame.
-    """
+    """A moment as both displays drew it: rows by name, and the percents on the page's vest in the frame's order."""
 
     view: LoopView
     terminal: dict[str, str]
@@ -98,17 +91,8 @@ def check(snapshot: Shown, recorded: Recorded) -> None:
     assert frame is not None
     sent = [0] * 40 if ended else list(frame.intensities)
     assert snapshot.discs == [value for value in sent if value]
-    assert (
-        f"up to {max(sent)} %" in snapshot.page["vest"]
-        if any(sent)
-        else "all motors at 0 %" in snapshot.page["vest"]
-    )
-
-
-def run(made: Lab, script: Callable[[], None]) -> list[Shown]:
-    moments: list[Shown] = []
-    made.run(script, observe=lambda view: moments.append(displayed(view)))
-    return moments
+    text = f"up to {max(sent)} %" if any(sent) else "all motors at 0 %"
+    assert text in snapshot.page["vest"]
 
 
 def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
@@ -123,17 +107,8 @@ def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
 
 
 def bench(folder: Path, **tables: Any) -> Any:
-    recording = {"dir": str(folder / "recorded"), "stop_free_mib": 0.0}
-    return lab(
-        folder,
-        emg=True,
-        hand=True,
-        vest=True,
-        fingers=("thumb",),
-        camera_hz=30.0,
-        recording=recording,
-        **tables,
-    )
+    tables["recording"] = {"dir": str(folder / "recorded"), "stop_free_mib": 0.0}
+    return lab(folder, emg=True, hand=True, vest=True, fingers=("thumb",), camera_hz=30.0, **tables)
 
 
 def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path: Path) -> None:
@@ -151,7 +126,8 @@ def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path
             made.until(lambda: made.state == "idle")
             time.sleep(1.0)
 
-        moments = run(made, script)
+        moments: list[Shown] = []
+        made.run(script, observe=lambda view: moments.append(displayed(view)))
     states = compared(moments, tmp_path)
     assert set(states) == {"armed", "active", "hold", "idle", "stopped"}
     # The muscles squeeze while the run waits, and after the loss the last level stands: the hand is open all the same.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tega.ui.cli.main import main
+from reference.command import call
 
 pytest.importorskip("foxglove", reason="needs the extra record")
 
@@ -19,12 +19,8 @@ FINGERS = {"thumb", "index", "middle", "ring"}
 MOST_BYTES = 3_000_000
 
 
-def reported(capsys: pytest.CaptureFixture[str], *words: str) -> str:
-    with pytest.raises(SystemExit) as done:
-        main(list(words))
-    out = capsys.readouterr().out
-    assert done.value.code == 0, out
-    return out
+def reported(capsys: pytest.CaptureFixture[str], *words: object) -> str:
+    return call(capsys, *words)[0]
 
 
 def test_the_example_is_small_enough_to_be_kept() -> None:
@@ -34,13 +30,13 @@ def test_the_example_is_small_enough_to_be_kept() -> None:
 def test_the_example_is_looked_into_and_computed_again(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    (trial,) = json.loads(reported(capsys, "inspect", str(EXAMPLE), "--json"))
+    (trial,) = json.loads(reported(capsys, "inspect", EXAMPLE, "--json"))
     topics = {stream["topic"] for stream in trial["streams"]}
     assert {f"/tactile/{finger}/image" for finger in FINGERS} | {"/emg/samples", "/vest/frame"} <= topics
-    (again,) = json.loads(reported(capsys, "replay", str(EXAMPLE), "--json"))
+    (again,) = json.loads(reported(capsys, "replay", EXAMPLE, "--json"))
     assert again["same"]
     assert {s["stream"] for s in again["streams"]} >= {"/vest/frame", "/hand/frames", "/touch/event"}
-    reported(capsys, "export", str(EXAMPLE), "--out", str(tmp_path / "tables"))
+    reported(capsys, "export", EXAMPLE, "--out", tmp_path / "tables")
     rows = next((tmp_path / "tables").rglob("vest.frame.csv")).read_text().splitlines()
     assert len(rows) > 100
 
@@ -51,8 +47,8 @@ def test_a_recorded_demo_is_the_same_when_computed_again(
 ) -> None:
     pytest.importorskip("mujoco", reason="needs the extra sim")
     session = tmp_path / "session"
-    words = ("--fast", "--objects", "bag", "--operator", "scripted", "--out", str(tmp_path / "demo"))
-    reported(capsys, "demo", *words, "--record", str(session), "--json")
-    (again,) = json.loads(reported(capsys, "replay", str(session), "--json"))
+    words = ("--fast", "--objects", "bag", "--operator", "scripted", "--out", tmp_path / "demo")
+    reported(capsys, "demo", *words, "--record", session, "--json")
+    (again,) = json.loads(reported(capsys, "replay", session, "--json"))
     assert again["same"]
     assert again["complete"]

@@ -9,7 +9,6 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -107,11 +106,11 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
 
 
 class _Sensor:
-    """A live sensor that gives a gel's frames at 60 a second."""
+    """A gel's frames at 60 a second, of a live sensor or of a recording."""
 
-    def __init__(self, frames: list[Any]) -> None:
+    def __init__(self, frames: list[Any], *, live: bool) -> None:
         self._frames, self._next, self._began_ns = frames, 0, 0
-        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=True, rate_hz=60.0)
+        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=live, rate_hz=60.0)
 
     @property
     def ended(self) -> bool:
@@ -120,31 +119,20 @@ class _Sensor:
     def read(self, timeout_s: float) -> TactileFrame | None:
         del timeout_s
         k, self._next = self._next, self._next + 1
-        self._began_ns = self._began_ns or time.monotonic_ns()
-        due_ns = self._began_ns + k * PERIOD_NS
-        time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
+        due_ns = k * PERIOD_NS
+        if self.info.live:
+            self._began_ns = self._began_ns or time.monotonic_ns()
+            due_ns += self._began_ns
+            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
         return TactileFrame(due_ns, k, self._frames[k], f"frame {k}")
 
 
-class _Recording(_Sensor):
-    """A recording of the same frames."""
-
-    def __init__(self, frames: list[Any]) -> None:
-        super().__init__(frames)
-        self.info = msgspec.structs.replace(self.info, live=False)
-
-    def read(self, timeout_s: float) -> TactileFrame | None:
-        del timeout_s
-        k, self._next = self._next, self._next + 1
-        return TactileFrame(k * PERIOD_NS, k, self._frames[k], f"frame {k}")
-
-
-def recorded_fingers() -> dict[str, Finger]:
+def two_fingers(*, live: bool) -> dict[str, Finger]:
     """Return a thumb that holds on and a ring finger that is let go."""
     fingers = {}
     for name, seed in (("thumb", 1), ("ring", 3)):
         frames, baseline = gel_frames(seed, held=name == "thumb")
-        source: Any = _Recording(frames)
+        source: Any = _Sensor(frames, live=live)
         fingers[name] = Finger(source, baseline, "given", SourceReport())
     return fingers
 
@@ -154,16 +142,11 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
     flags: dict[str, list[bool]] = {}
     found: dict[str, list[Any]] = {"thumb": [], "ring": []}
     with closing(beforehand):
-        for name, finger in recorded_fingers().items():
+        for name, finger in two_fingers(live=False).items():
             metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
-            flags[name] = list[bool]()
-
-            def observe(
-                _frame: TactileFrame, _at: int, to: list[bool] = flags[name], of: LiveMetric = metric
-            ) -> None:
-                to.append(of.loaded)
-
-            beforehand.add(name, finger, metric, FrameWatch(observe=observe))
+            to = flags[name] = list[bool]()
+            watch = FrameWatch(observe=lambda _frame, _at, to=to, of=metric: to.append(of.loaded))  # type: ignore[misc]
+            beforehand.add(name, finger, metric, watch)
         for one in beforehand.measured(lambda: False):
             if one.contact is not None:
                 found[one.finger].append(repr(one.contact))
@@ -180,21 +163,11 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
     # In a run, whichever finger is asked for first.
     bus, told_in_run = Bus(), list[Picture]()
     bus.subscribe(Picture, told_in_run.append, vital=True)
-    with ExitStack() as stack:
-        recorded = RecordedFingers()
-        stack.callback(recorded.close)
-        streams = {
-            name: stream_of(
-                stack,
-                name,
-                finger,
-                LiveMetric(FingerSetup(name, finger.baseline), LiveOptions()),
-                bus,
-                recorded=recorded,
-                start_ns=0,
-            )
-            for name, finger in recorded_fingers().items()
-        }
+    with ExitStack() as stack, closing(RecordedFingers()) as recorded:
+        streams = {}
+        for name, finger in two_fingers(live=False).items():
+            metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
+            streams[name] = stream_of(stack, name, finger, metric, bus, recorded=recorded, start_ns=0)
         for name in ("ring", "thumb"):
             again = []
             while (contact := streams[name].next_until(10**12)) is not None:
@@ -206,11 +179,7 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
 
 @pytest.mark.slow
 def test_a_run_in_which_one_finger_holds_on_is_replayed_with_what_each_was_told(tmp_path: Path) -> None:
-    fingers = {}
-    for name, seed in (("thumb", 1), ("ring", 3)):
-        frames, baseline = gel_frames(seed, held=name == "thumb")
-        sensor: Any = _Sensor(frames)
-        fingers[name] = Finger(sensor, baseline, "given", SourceReport())
+    fingers = two_fingers(live=True)
     full = TouchMaxima(cci_max=1.0, eda_max=20_000.0)
     calibration = Calibration(preset="live", origin="", tactile={"thumb": full, "ring": full})
     tree = {
@@ -331,22 +300,18 @@ def test_metrics_are_made_before_the_session_s_clock_starts(
 ) -> None:
     # One that looks for principal components for a second would else begin the run a second late.
     order: list[str] = []
-    make, start = run._metric, Pacer.start
+    for owner, name in ((run, "_metric"), (Pacer, "start")):
+        called = getattr(owner, name)
 
-    def made(*given: Any) -> Any:
-        order.append("metric")
-        return make(*given)
+        def noted(*given: Any, called: Any = called, name: str = name) -> Any:
+            order.append(name)
+            return called(*given)
 
-    def started(pacer: Pacer) -> int:
-        order.append("clock")
-        return start(pacer)
-
-    monkeypatch.setattr(run, "_metric", made)
-    monkeypatch.setattr(Pacer, "start", started)
+        monkeypatch.setattr(owner, name, noted)
     settings = {
         "session": {"pace": "fast", "duration_s": 0.1},
         "tactile": {"thumb": {"driver": "synthetic-touch"}},
         "recording": {"dir": str(tmp_path), "stop_free_mib": 0.0},
     }
     run_session(check_tree(settings, {}, base=tmp_path).config)
-    assert order == ["metric", "clock"]
+    assert order == ["_metric", "start"]

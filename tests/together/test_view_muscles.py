@@ -33,16 +33,25 @@ def test_closures_apart_by_more_than_half_a_level_are_counted_over_ten_seconds()
     assert apart.rows() == {"beside rules": "closure 0.75 (connected 0.50), apart in 25 % of 10 s"}
 
 
-def test_blocks_of_other_lengths_are_paired_by_their_times() -> None:
+def test_blocks_of_other_lengths_are_paired_by_their_times_once_both_have_said_something() -> None:
     apart = DecodersApart()
     reported(apart, [(0.5, 0.5)] * 20, late_ns=-40_000_000)
     assert apart.rows()["beside rules"].endswith("apart in 0 % of 10 s")
-
-
-def test_nothing_is_told_before_both_have_said_something() -> None:
     apart = DecodersApart()
     apart.beside(BesideIntent(stage="rules", t_ns=0, level=3))
     assert apart.rows() == {}
+
+
+def moments_of(tree: dict[str, Any], folder: Path) -> list[ViewState]:
+    """Run a session; return every moment as the page would show it."""
+    bus, moments = Bus(), list[ViewState]()
+    feed = SessionFeed({}, bus)
+    run_session(
+        check_tree(tree, {}, base=folder).config,
+        bus=observed(lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
+        parts=[feed],
+    )
+    return moments
 
 
 def test_a_run_that_is_looked_at_has_its_decoders_beside_without_a_recording(tmp_path: Path) -> None:
@@ -51,21 +60,14 @@ def test_a_run_that_is_looked_at_has_its_decoders_beside_without_a_recording(tmp
         "emg": {"driver": "synthetic-emg", "kind": "raw"},
         "stages": {"beside": [{"group": "decoder", "name": "proportional"}]},
     }
-    bus, rows = Bus(), list[Any]()
-    feed = SessionFeed({}, bus)
-    run_session(
-        check_tree(tree, {}, base=tmp_path).config,
-        bus=observed(lambda loop: rows.append(feed.complete(ViewState(loop.t_ns, loop)).rows), bus),
-        parts=[feed],
-    )
-    assert "apart in" in rows[-1]["beside proportional"]
+    assert "apart in" in moments_of(tree, tmp_path)[-1].rows["beside proportional"]
 
 
 def test_the_pages_button_presses_the_key_that_undoes() -> None:
     bus, pressed = Bus(), list[Button]()
     feed = SessionFeed({}, bus)
     bus.subscribe(Button, pressed.append)
-    feed.undo()
+    feed.press("undo")
     assert [(one.seat, one.pressed) for one in pressed] == [("undo", True)]
 
 
@@ -81,14 +83,14 @@ def test_what_is_told_of_the_muscles_becomes_a_line_each_and_nothing_has_none() 
     assert rows.rows()["adaptation"] == "gains 1.04 · 1.00 (rest)"
     bus.publish(Adaptation(t_ns=0, n_samples=2, why="undone", gains=(1.0, 1.0), offsets=(0.0, 0.0)))
     assert rows.rows()["adaptation"] == "undone"
-    nan = math.nan
-    bus.publish(MuscleCondition(t_ns=2, median_hz=(nan, nan), slope_percent_per_min=(nan, nan)))
-    assert set(rows.rows()) == {"decoder", "adaptation"}
-    bus.publish(
-        MuscleCondition(
-            t_ns=2, median_hz=(81.2, nan), slope_percent_per_min=(-3.14, nan), pattern_change=0.123
-        )
+    nan, nothing = (
+        math.nan,
+        {"t_ns": 2, "median_hz": (math.nan,) * 2, "slope_percent_per_min": (math.nan,) * 2},
     )
+    bus.publish(MuscleCondition(**nothing))
+    assert set(rows.rows()) == {"decoder", "adaptation"}
+    known: dict[str, Any] = {"median_hz": (81.2, nan), "slope_percent_per_min": (-3.14, nan)}
+    bus.publish(MuscleCondition(**(nothing | known), pattern_change=0.123))
     assert rows.rows()["fatigue"] == "median frequency 81 · – Hz, -3.1 · – %/min"
     assert rows.rows()["electrodes"] == "pattern 12 % off the run's first"
 
@@ -134,19 +136,8 @@ def learned(folder: Path, **options: float) -> dict[str, Any]:
     }
 
 
-def rows_of(tree: dict[str, Any], folder: Path) -> list[dict[str, str]]:
-    bus, rows = Bus(), list[dict[str, str]]()
-    feed = SessionFeed({}, bus)
-    run_session(
-        check_tree(tree, {}, base=folder).config,
-        bus=observed(lambda loop: rows.append(dict(feed.complete(ViewState(loop.t_ns, loop)).rows)), bus),
-        parts=[feed],
-    )
-    return rows
-
-
 def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_know(tmp_path: Path) -> None:
-    rows = rows_of(learned(tmp_path), tmp_path)
+    rows = [moment.rows for moment in moments_of(learned(tmp_path), tmp_path)]
     sure = [row["decoder"] for row in rows if "sure" in row.get("decoder", "")]
     assert re.fullmatch(r"closure \d\.\d\d, \d+ % sure", sure[0])
     assert rows[-1]["decoder"].endswith(": this effort is like none that the model knows")
@@ -155,8 +146,8 @@ def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_
 
 
 def test_a_run_shows_that_it_holds_for_want_of_confidence(tmp_path: Path) -> None:
-    rows = rows_of(learned(tmp_path, hold_below=1.0), tmp_path)
-    assert any(row.get("decoder", "").endswith(" % sure, 100 % are needed") for row in rows)
+    moments = moments_of(learned(tmp_path, hold_below=1.0), tmp_path)
+    assert any(one.rows.get("decoder", "").endswith(" % sure, 100 % are needed") for one in moments)
 
 
 def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_path: Path) -> None:
@@ -168,14 +159,7 @@ def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_pat
     text = (tmp_path / "calibration.toml").read_text().replace("2000.0", "40.0")
     (tmp_path / "calibration.toml").write_text(text)
     del tree["stages"]
-    bus, moments = Bus(), list[ViewState]()
-    feed = SessionFeed({}, bus)
-    run_session(
-        check_tree(tree, {}, base=tmp_path).config,
-        bus=observed(lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
-        parts=[feed],
-    )
-    last = moments[-2]
+    last = moments_of(tree, tmp_path)[-2]
     assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)
     with BrowserView("a run", port=0) as view:
         view.page.paint_text(last)

@@ -33,20 +33,12 @@ def modules(src: Path) -> dict[Module, str]:
     return found
 
 
-def branches(tree: str) -> Iterator[str]:
+def branches(tree: str) -> list[str]:
     """Return every path of a tree in braces, ``a::{b, c::{d}}``; a new name after ``as`` is left out."""
-    head, brace, rest = tree.partition("{")
-    if not brace:
-        yield tree.partition(" as ")[0].strip()
-        return
-    depth, part = 0, ""
-    for sign in rest.rpartition("}")[0] + ",":
-        if sign == "," and depth == 0:
-            yield from (head.strip() + inner for inner in branches(part) if part.strip())
-            part = ""
-            continue
-        depth += {"{": 1, "}": -1}.get(sign, 0)
-        part += sign
+    while inner := re.search(r"([\w:]*)\{([^{}]*)\}", tree):
+        each = [f"{inner[1]}{one.strip()}" for one in inner[2].split(",") if one.strip()]
+        tree = tree[: inner.start()] + ", ".join(each) + tree[inner.end() :]
+    return [one.partition(" as ")[0].strip() for one in tree.split(",")]
 
 
 def paths(text: str, module: Module, known: dict[Module, str]) -> Iterator[Module]:
@@ -75,10 +67,7 @@ def from_root(path: str, module: Module, known: dict[Module, str]) -> Module | N
 
 def owner(path: Module, known: dict[Module, str]) -> Module:
     """Return the file that has what a path names: names that a module takes from a child are the child's."""
-    for n in range(len(path), -1, -1):
-        if path[:n] in known:
-            module = path[:n]
-            break
+    module = next(path[:n] for n in range(len(path), -1, -1) if path[:n] in known)
     if len(path) > len(module):
         name = path[len(module)]
         for inner in paths(known[module], module, known):

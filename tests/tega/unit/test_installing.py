@@ -60,14 +60,10 @@ def test_the_version_is_one() -> None:
     assert tega.__version__ == version
     for tool in ("emulators", "campaigns", "figures"):
         assert toml("tools", tool, "pyproject.toml")["project"]["version"] == version
-    cited = re.search(
-        r"^version: (.+)$", (PROJECT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
-    )
-    assert cited is not None
-    assert cited[1] == version
-    newest = re.search(r"^## ([0-9.]+)", (PROJECT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
-    assert newest is not None
-    assert newest[1] == version
+    for name, line in (("CITATION.cff", r"^version: (.+)$"), ("CHANGELOG.md", r"^## ([0-9.]+)")):
+        newest = re.search(line, (PROJECT / name).read_text(encoding="utf-8"), re.MULTILINE)
+        assert newest is not None
+        assert newest[1] == version, name
     for lock in ("Cargo.lock", "benches/Cargo.lock", "fuzz/Cargo.lock"):
         crates = [one for one in toml(*lock.split("/"))["package"] if "source" not in one]
         ours = {one["version"] for one in crates if one["name"] not in {"tega-benches", "tega-fuzz"}}
@@ -115,17 +111,14 @@ def test_a_record_that_is_broken_changes_nothing(tmp_path: Path) -> None:
 
 
 def extras() -> dict[str, list[str]]:
-    project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    found: dict[str, list[str]] = project["optional-dependencies"]
-    return found
+    return toml("pyproject.toml")["project"]["optional-dependencies"]  # type: ignore[no-any-return]
 
 
 def test_every_extra_that_a_hint_names_exists() -> None:
     known = set(extras())
     named = set()
     for source in [*Path(tega.__file__).parent.rglob("*.py"), *(PROJECT / "tools").rglob("*.py")]:
-        text = source.read_text(encoding="utf-8")
-        for words in re.findall(r"tega\[([a-z,-]+)\]'|extra=\"([a-z-]+)\"", text):
+        for words in re.findall(r"tega\[([a-z,-]+)\]'|extra=\"([a-z-]+)\"", source.read_text("utf-8")):
             named |= {name for word in words for name in word.split(",") if name}
     assert len(named) > 10
     assert named <= known, "a hint names an extra that pyproject.toml does not have"

@@ -6,7 +6,9 @@ import json
 import random
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -43,157 +45,124 @@ def test_a_spread_is_right_within_two_percent() -> None:
     assert set(spread.summary_ms()) == {"n", "p50", "p95", "p99", "worst"}
 
 
-class _Now:
-    ns = 0
+class Made:
+    """A trace that began when the monotonic clock showed 1000 ms, with a vest that tells of its hand-overs."""
 
-    def __call__(self) -> int:
-        return self.ns
+    def __init__(self, **how: Any) -> None:
+        self.now_ns, self.link, self.reported = 0, HandedOver(), list[Latency]()
+        bus = Bus()
+        bus.subscribe(Latency, self.reported.append)
+        how = {"budget_ms": 5.0, "vests": [self.link]} | how
+        self.trace = LatencyTrace(now_ns=lambda: self.now_ns, start_ns=1000 * MS, bus=bus, **how)
 
+    def item(
+        self, name: str, captured_ms: int, received_ms: int, done_ms: int, *, taken: bool = True
+    ) -> None:
+        """Let a picture or block be captured, received and measured, and the loop take it in."""
+        self.now_ns = done_ms * MS
+        self.trace.source(name)(captured_ms * MS, (1000 + received_ms) * MS)
+        if taken:
+            self.trace.taken(name, captured_ms * MS)
 
-def _made(budget_ms: float = 5.0) -> tuple[LatencyTrace, _Now, HandedOver, list[Latency]]:
-    now, link = _Now(), HandedOver()
-    reported: list[Latency] = []
-    bus = Bus()
-    bus.subscribe(Latency, reported.append)
-    # The session began when the monotonic clock showed 1000 ms.
-    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=budget_ms, vests=[link], bus=bus)
-    return trace, now, link, reported
+    def vest(self, tick_ms: int, made_ms: int | None = None, *, changed: bool = True) -> None:
+        made_ns = (tick_ms if made_ms is None else made_ms) * MS
+        self.trace.vest(tick_ms * MS, tick_ms * MS, made_ns, changed=changed)
+
+    def touch_for_a_while(self, n: int, took_ms: Callable[[int], int]) -> None:
+        """Let so many pictures, 33 ms apart, be handed over so long after their frame was made."""
+        for k in range(n):
+            self.item("thumb", 33 * k, 33 * k, 33 * k + 1)
+            self.now_ns = (33 * k + 2) * MS
+            self.trace.vest(33 * k * MS, self.now_ns, self.now_ns, changed=True)
+            self.link.handed.append((33 * k * MS, 0, 1000 * MS + self.now_ns + took_ms(k) * MS))
 
 
 def test_a_vest_frame_knows_its_camera_frames() -> None:
-    trace, now, link, reported = _made()
-    thumb, index = trace.source("thumb"), trace.source("index")
-    for measured, captured, received, done in ((thumb, 10, 12, 13), (index, 11, 14, 16), (thumb, 26, 28, 30)):
-        now.ns = done * MS
-        measured(captured * MS, (1000 + received) * MS)
-    trace.taken("thumb", 10 * MS)
-    trace.taken("index", 11 * MS)
-    trace.taken("thumb", 26 * MS)  # newer than the first one, which is never felt
-    trace.vest(33 * MS, 33 * MS, 34 * MS, changed=True)
+    made = Made()
+    for name, captured, received, done in (
+        ("thumb", 10, 12, 13),
+        ("index", 11, 14, 16),
+        ("thumb", 26, 28, 30),
+    ):
+        made.item(name, captured, received, done, taken=False)
+    made.trace.taken("thumb", 10 * MS)
+    made.trace.taken("index", 11 * MS)
+    made.trace.taken("thumb", 26 * MS)  # newer than the first one, which is never felt
+    made.vest(33, 34)
     # A second vest frame of the same pictures, before the first was handed over.
-    trace.vest(66 * MS, 66 * MS, 67 * MS, changed=True)
-    link.handed = [(33 * MS, 0, 1037 * MS), (66 * MS, 0, 1069 * MS)]
-    trace.vest(99 * MS, 99 * MS, 99 * MS, changed=True)
-    stamps = {frame.source: tuple(ns // MS for ns in frame.stamps_ns) for frame in reported}
-    assert stamps == {
-        "thumb": (26, 28, 30, 33, 34, 34, 37),
-        "index": (11, 14, 16, 33, 34, 34, 37),
+    made.vest(66, 67)
+    made.link.handed = [(33 * MS, 0, 1037 * MS), (66 * MS, 0, 1069 * MS)]
+    made.vest(99)
+    stamps = {frame.source: tuple(ns // MS for ns in frame.stamps_ns) for frame in made.reported}
+    assert stamps == {"thumb": (26, 28, 30, 33, 34, 34, 37), "index": (11, 14, 16, 33, 34, 34, 37)}
+    assert len(made.reported) == 2
+    found = made.trace.summary()["touch"]
+    assert {name: found[name]["worst"] for name in ("own", "in-hand", "whole")} == {
+        "own": 6.0,
+        "in-hand": 23.0,
+        "whole": 26.0,
     }
-    assert len(reported) == 2
-    found = trace.summary()["touch"]
-    assert found["own"]["worst"] == 6.0
-    assert found["in-hand"]["worst"] == 23.0
-    assert found["whole"]["worst"] == 26.0
     assert found["wait"]["n"] == 2
 
 
 def test_what_the_vest_shows_already_does_not_count() -> None:
-    trace, now, link, reported = _made()
-    measured = trace.source("thumb")
-    now.ns = 2 * MS
-    measured(0, 1001 * MS)
-    trace.taken("thumb", 0)
-    trace.vest(33 * MS, 33 * MS, 33 * MS, changed=False)
-    trace.vest(66 * MS, 66 * MS, 66 * MS, changed=True)
-    link.handed = [(66 * MS, 0, 1067 * MS)]
-    trace.vest(99 * MS, 99 * MS, 99 * MS, changed=False)
-    assert reported == []
+    made = Made()
+    made.item("thumb", 0, 1, 2)
+    made.vest(33, changed=False)
+    made.vest(66)
+    made.link.handed = [(66 * MS, 0, 1067 * MS)]
+    made.vest(99, changed=False)
+    assert made.reported == []
 
 
 def test_beyond_the_budget_it_names_the_stage() -> None:
-    trace, now, link, _ = _made(budget_ms=4.0)
-    measured = trace.source("thumb")
-    for k in range(200):
-        now.ns = (33 * k + 1) * MS
-        measured(33 * k * MS, (1000 + 33 * k) * MS)
-        trace.taken("thumb", 33 * k * MS)
-        now.ns = (33 * k + 2) * MS
-        trace.vest(33 * k * MS, now.ns, now.ns, changed=True)
-        link.handed.append((33 * k * MS, 0, 1000 * MS + now.ns + 5 * MS))
-    assert "7.1 ms" in trace.warning or "7.0 ms" in trace.warning
-    assert "4 ms are allowed; most in 'hand-over'" in trace.warning
-    assert trace.line == "camera to vest 7 ms, p99 7 (n 186) (ours 7.0, p99 7.0)"
+    made = Made(budget_ms=4.0)
+    made.touch_for_a_while(200, lambda _k: 5)
+    assert "7.1 ms" in made.trace.warning or "7.0 ms" in made.trace.warning
+    assert "4 ms are allowed; most in 'hand-over'" in made.trace.warning
+    assert made.trace.line == "camera to vest 7 ms, p99 7 (n 186) (ours 7.0, p99 7.0)"
 
 
 def test_a_measured_motor_adds_its_onset_to_the_line() -> None:
-    now, link = _Now(), HandedOver()
-    motor = MotorOnset(60.0, "vest", (0,), "2026-11-21", 8.0)
-    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=50.0, vests=[link], motor=motor, bus=Bus())
-    measured = trace.source("thumb")
-    for k in range(150):
-        now.ns = (33 * k + 2) * MS
-        measured(33 * k * MS, (1000 + 33 * k) * MS)
-        trace.taken("thumb", 33 * k * MS)
-        trace.vest(33 * k * MS, now.ns, now.ns, changed=True)
-        # Half of the frames are handed over 4 ms later than the others.
-        link.handed.append((33 * k * MS, 0, 1000 * MS + now.ns + (5 + 4 * (k % 2)) * MS))
-    assert trace.line.startswith("camera to vest 7 ms, p99 11 (n 1")
-    assert trace.line.endswith("(ours 7.0, p99 11.0), to the skin 67")
+    made = Made(budget_ms=50.0, motor=MotorOnset(60.0, "vest", (0,), "2026-11-21", 8.0))
+    made.touch_for_a_while(150, lambda k: 5 + 4 * (k % 2))
+    assert made.trace.line.startswith("camera to vest 7 ms, p99 11 (n 1")
+    assert made.trace.line.endswith("(ours 7.0, p99 11.0), to the skin 67")
 
 
 def test_a_joint_that_moves_late_is_named_with_the_number_of_motions() -> None:
-    now, bus, moves = _Now(), Bus(), list[tuple[int, ...]]()
-
-    class Joints:
-        n_unmoved = 0
-
-        def check(self, *_given: object) -> tuple[int, ...] | None:
-            return moves.pop() if moves else None
-
-    joints: Any = Joints()
-    trace = LatencyTrace(now_ns=now, start_ns=0, budget_ms=4.0, joint_budget_ms=200.0, joints=joints, bus=bus)
+    moves = list[tuple[int, ...]]()
+    joints: Any = SimpleNamespace(n_unmoved=0, check=lambda *_given: moves.pop() if moves else None)
+    made = Made(budget_ms=4.0, joint_budget_ms=200.0, joints=joints)
     for k, late_ms in enumerate((150, 190, 420)):
         at = k * 1000
         moves.append(tuple(ms * MS for ms in (at, at + 1, at + 2, at + 3, at + late_ms)))
-        now.ns = (at + 500) * MS
-        trace.commanded(3.0)
-    assert trace.line == ""
-    trace.vest(5_001 * MS, 5_001 * MS, 5_001 * MS, changed=False)
-    assert "muscle to joint takes 420 ms (worst of 3), 200 ms are allowed; most in 'joint'" in trace.warning
-    assert trace.line == "muscle to joint 420 ms at most (n 3)"
-    trace.vest(10_100 * MS, 10_100 * MS, 10_100 * MS, changed=False)
-    assert trace.warning == ""
+        made.now_ns = (at + 500) * MS
+        made.trace.commanded(3.0)
+    assert made.trace.line == ""
+    made.vest(5_001, changed=False)
+    assert (
+        "muscle to joint takes 420 ms (worst of 3), 200 ms are allowed; most in 'joint'" in made.trace.warning
+    )
+    assert made.trace.line == "muscle to joint 420 ms at most (n 3)"
+    made.vest(10_100, changed=False)
+    assert made.trace.warning == ""
 
 
 def test_the_hand_s_own_clock_is_not_ours() -> None:
-    now, bus, reported = _Now(), Bus(), list[Latency]()
-    bus.subscribe(Latency, reported.append)
     answers: list[tuple[int, int]] = []
-
-    def answered(since_ns: int) -> tuple[int, int] | None:
-        return next((a for a in answers if a[1] >= since_ns), None)
-
-    trace = LatencyTrace(now_ns=now, start_ns=1000 * MS, budget_ms=4.0, answered_ns=answered, bus=bus)
-    measured = trace.source("emg")
+    made = Made(answered_ns=lambda since_ns: next((a for a in answers if a[1] >= since_ns), None))
     for at, answer in ((10, (1016, 1017)), (110, (1111, 1115))):
-        now.ns = (at + 1) * MS
-        measured(at * MS, (1000 + at) * MS)
-        trace.taken("emg", at * MS)
-        now.ns = (at + 3) * MS
-        trace.commanded(1)
+        made.item("emg", at, at, at + 1)
+        made.now_ns = (at + 3) * MS
+        made.trace.commanded(1)
         answers.append((answer[0] * MS, answer[1] * MS))
-        now.ns = (at + 9) * MS
-        trace.commanded(1)
-    stages = [{name: ns / MS for name, ns in block.stages_ns().items()} for block in reported]
+        made.now_ns = (at + 9) * MS
+        made.trace.commanded(1)
+    names = ("sample", "levels", "wait", "report", "hand-over", "own", "whole")
+    stages = [tuple(block.stages_ns()[name] / MS for name in names) for block in made.reported]
     # The first is told at 13 ms, and the hand reports at 16. The second is told at 113, after a report at 111.
-    assert stages[0] == {
-        "sample": 0,
-        "levels": 1,
-        "wait": 2,
-        "report": 3,
-        "hand-over": 1,
-        "own": 2,
-        "whole": 7,
-    }
-    assert stages[1] == {
-        "sample": 0,
-        "levels": 1,
-        "wait": 2,
-        "report": 0,
-        "hand-over": 2,
-        "own": 3,
-        "whole": 5,
-    }
+    assert stages == [(0, 1, 2, 3, 1, 2, 7), (0, 1, 2, 0, 2, 3, 5)]
 
 
 def test_a_recording_of_before_reports_were_told_apart_is_read() -> None:
@@ -203,15 +172,12 @@ def test_a_recording_of_before_reports_were_told_apart_is_read() -> None:
 
 
 def test_memory_stays_the_same_however_long_it_runs() -> None:
-    trace, now, link, _ = _made()
-    measured = trace.source("thumb")
+    made = Made()
     for k in range(3000):
-        now.ns = k * MS
-        measured(k * MS, 1000 * MS + k * MS)  # nobody takes these in
-        trace.vest(k * MS, k * MS, k * MS, changed=True)
-    del link
-    assert len(trace._coming["thumb"]) < 100
-    assert len(trace._ticks) < 100
+        made.item("thumb", k, k, k, taken=False)  # nobody takes these in
+        made.vest(k)
+    assert len(made.trace._coming["thumb"]) < 100
+    assert len(made.trace._ticks) < 100
 
 
 @pytest.mark.slow

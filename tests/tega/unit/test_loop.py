@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ import pytest
 from reference.scripted import MS, Sink, touching
 from reference.wired import wired_loop
 from tega.config.calibration import TouchMaxima
+from tega.devices import driver_names
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.haptics import MotorLevels, intensity
 from tega.loop.inbox.stream import PulledStream
@@ -28,27 +30,42 @@ LIMP = [(0x180, bytes(8)), (0x184, bytes(8)), (0x188, bytes(8)), (0x18C, bytes(8
 def run_loop(
     *,
     contacts: dict[str, Any] | None = None,
-    levels: Any = None,
-    vest: Sink,
-    hand: Sink,
     clock: Any = None,
     observer: Callable[[LoopView], None] | None = None,
+    levels: Any = None,
+    vest: Sink | None = None,
+    hand: Sink | None = None,
+    bus: Bus | None = None,
     **how: Any,
 ) -> DualLoop:
-    contacts, bus = contacts or {}, Bus()
+    bus = bus or Bus()
     if observer is not None:
         bus.subscribe(Snapshot, lambda snapshot: observer(snapshot.view), vital=True)
     loop = wired_loop(
         Pacer(clock or ManualClock()),
-        TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="paper32"),
-        contacts=contacts,
+        contacts=contacts or {},
         levels=levels,
-        vests=[vest],
-        hands=[hand],
+        vests=[vest or Sink()],
+        hands=[hand or Sink()],
         bus=bus,
     )
     loop.run(**how)
     return loop
+
+
+def pressed(n: int, *, every_ns: int = 10 * MS) -> Any:
+    """Return a stream of so many pictures that show a firm contact."""
+    return PulledStream(touching(100, 1.0, t_ns=k * every_ns) for k in range(n))
+
+
+def steady(level: int, *, end_ns: int) -> Any:
+    """Return a stream of one level."""
+    return PulledStream([Intent(t_ns=0, channels=(level,), level=level)], end_ns=end_ns)
+
+
+def is_limp(hand: Sink) -> bool:
+    """Whether a hand was left without force."""
+    return [(frame.id, frame.data) for frame in hand.sent[-1][1]] == LIMP
 
 
 def is_silent(frame: MotorLevels) -> bool:
@@ -63,31 +80,26 @@ def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
     assert [t for t, _ in vest.sent] == [0, 33_333_333, 66_666_667, 100 * MS]
     assert [t for t, _ in hand.sent] == [*range(0, 100 * MS, 3 * MS), 100 * MS]
     assert is_silent(vest.sent[-1][1])
-    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
-    assert (report.ended, report.end_ns, report.n_vest_ticks, report.n_hand_ticks) == (
-        "complete",
-        100 * MS,
-        3,
-        34,
-    )
+    assert is_limp(hand)
+    assert (report.ended, report.end_ns) == ("complete", 100 * MS)
+    assert (report.n_vest_ticks, report.n_hand_ticks) == (3, 34)
 
 
 def test_a_level_steers_from_its_stamp_on() -> None:
     hand = Sink()
     levels = PulledStream([Intent(t_ns=30 * MS, channels=(4,), level=4)], end_ns=600 * MS)
     views: list[LoopView] = []
-    report = run_loop(levels=levels, vest=Sink(), hand=hand, observer=views.append).report
+    report = run_loop(levels=levels, hand=hand, observer=views.append).report
     assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
     assert [v.intent and v.intent.level for v in views[:3]] == [None, 4, 4]
     assert any(any(f.data) for f in hand.sent[-2][1])
-    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+    assert is_limp(hand)
 
 
 def test_a_finger_falls_silent_100_ms_after_its_last_frame() -> None:
     vest = Sink()
     thumb = PulledStream([touching(100, 1.0, t_ns=0)], end_ns=5 * MS)
-    ring = PulledStream([touching(100, 1.0, t_ns=k * 10 * MS) for k in range(40)])
-    report = run_loop(contacts={"thumb": thumb, "ring": ring}, vest=vest, hand=Sink()).report
+    report = run_loop(contacts={"thumb": thumb, "ring": pressed(40)}, vest=vest).report
     columns = {t: (f.intensities[0], f.intensities[3]) for t, f in vest.sent}
     assert columns[66_666_667] == (99, 99)
     assert columns[100 * MS] == (99, 99)
@@ -109,24 +121,13 @@ def test_without_contact_or_maximum_nothing_is_felt() -> None:
 
 
 def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
-    order: list[tuple[int, str]] = []
-
-    bus = Bus()
+    bus, order = Bus(), list[tuple[int, str]]()
     bus.subscribe(Contact, lambda contact: order.append((contact.t_ns, contact.finger)))
     streams = {
         "thumb": PulledStream([touching(1, t_ns=t * MS) for t in (0, 20, 21, 40)]),
         "ring": PulledStream([touching(1, t_ns=t * MS) for t in (0, 10, 21, 39)]),
     }
-    loop = wired_loop(
-        Pacer(ManualClock()),
-        TouchLoop(dict.fromkeys(streams, TouchMaxima()), layout="paper32"),
-        contacts=streams,
-        levels=None,
-        vests=[],
-        hands=[],
-        bus=bus,
-    )
-    loop.run()
+    run_loop(contacts=streams, bus=bus)
     assert order == [
         (0, "thumb"), (0, "ring"), (10 * MS, "ring"), (20 * MS, "thumb"),
         (21 * MS, "thumb"), (21 * MS, "ring"), (39 * MS, "ring"), (40 * MS, "thumb"),
@@ -134,12 +135,10 @@ def test_frames_of_fingers_are_taken_in_by_time_then_thumb_first() -> None:
 
 
 def test_when_one_sink_fails_the_others_are_still_left_silent() -> None:
-    broken, hand = Sink(fail_at_ns=50 * MS), Sink()
-    thumb = PulledStream([touching(100, t_ns=k * 10 * MS) for k in range(30)])
-    levels = PulledStream([Intent(t_ns=k * 10 * MS, channels=(3,), level=3) for k in range(30)])
+    broken, hand, levels = Sink(fail_at_ns=50 * MS), Sink(), steady(3, end_ns=300 * MS)
     with pytest.raises(DeviceUnavailableError, match="cable") as caught:
-        run_loop(contacts={"thumb": thumb}, levels=levels, vest=broken, hand=hand)
-    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+        run_loop(contacts={"thumb": pressed(30)}, levels=levels, vest=broken, hand=hand)
+    assert is_limp(hand)
     assert any("on the way out" in note for note in caught.value.__notes__)
 
 
@@ -155,7 +154,7 @@ def test_every_exception_takes_the_way_out(error: type[BaseException]) -> None:
         run_loop(contacts={"thumb": PulledStream(items())}, vest=vest, hand=hand)
     assert not is_silent(vest.sent[0][1])
     assert is_silent(vest.sent[-1][1])
-    assert [(f.id, f.data) for f in hand.sent[-1][1]] == LIMP
+    assert is_limp(hand)
 
 
 @pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
@@ -165,38 +164,28 @@ def test_what_is_no_exception_on_the_way_out_keeps_nobody_from_it(error: type[Ba
     class Panics(Sink):
         def write(self, t_ns: int, sent: Any) -> None:
             super().write(t_ns, sent)
-            if [(frame.id, frame.data) for frame in sent] == LIMP:
+            if is_limp(self):
                 raise error("on purpose")
 
-    vest = Sink()
-    thumb = PulledStream([touching(100, t_ns=k * 10 * MS) for k in range(10)])
-    levels = PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=100 * MS)
+    vest, levels = Sink(), steady(3, end_ns=100 * MS)
     with pytest.raises(error, match="on purpose"):
-        run_loop(contacts={"thumb": thumb}, levels=levels, vest=vest, hand=Panics())
+        run_loop(contacts={"thumb": pressed(10)}, levels=levels, vest=vest, hand=Panics())
     assert not is_silent(vest.sent[-2][1])
     assert is_silent(vest.sent[-1][1])
 
 
 def test_a_problem_only_on_the_way_out_is_raised() -> None:
     with pytest.raises(DeviceUnavailableError, match="cable"):
-        run_loop(
-            contacts={"thumb": PulledStream([touching(1, t_ns=0)], end_ns=20 * MS)},
-            vest=Sink(fail_at_ns=20 * MS),
-            hand=Sink(),
-        )
+        run_loop(contacts={"thumb": pressed(3)}, vest=Sink(fail_at_ns=20 * MS))
 
 
 def test_being_told_to_stop_and_a_set_duration_end_it_cleanly() -> None:
     requested = iter([False] * 20 + [True] * 100)
     vest = Sink()
-    endless = (touching(100, t_ns=k * MS) for k in range(10**9))
-    loop = run_loop(
-        contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), stop=lambda: next(requested)
-    )
+    loop = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, stop=lambda: next(requested))
     assert loop.report.ended == "stopped"
     assert is_silent(vest.sent[-1][1])
-    endless = (touching(100, t_ns=k * MS) for k in range(10**9))
-    loop = run_loop(contacts={"thumb": PulledStream(endless)}, vest=vest, hand=Sink(), duration_ns=50 * MS)
+    loop = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, duration_ns=50 * MS)
     assert (loop.report.ended, loop.report.end_ns) == ("duration", 50 * MS)
 
 
@@ -212,14 +201,7 @@ class Jumpy(ManualClock):
 
 
 def test_a_late_tick_is_made_up_for_and_counted() -> None:
-    hand = Sink()
-    clock = Jumpy({9 * MS: 20 * MS})
-    loop = run_loop(
-        levels=PulledStream([Intent(t_ns=0, channels=(1,), level=1)], end_ns=60 * MS),
-        vest=Sink(),
-        hand=hand,
-        clock=clock,
-    )
+    loop = run_loop(levels=steady(1, end_ns=60 * MS), clock=Jumpy({9 * MS: 20 * MS}))
     assert loop.report.n_hand_ticks == 20
     pacing = loop._pacer
     assert (pacing.n_skipped, pacing.worst_ns) == (0, 20 * MS)
@@ -231,22 +213,12 @@ def test_a_late_tick_is_made_up_for_and_counted() -> None:
 
 def test_after_a_long_stall_old_commands_are_left_out() -> None:
     hand = Sink()
-    clock = Jumpy({30 * MS: 500 * MS})
-    loop = run_loop(
-        levels=PulledStream([Intent(t_ns=0, channels=(1,), level=1)], end_ns=900 * MS),
-        vest=Sink(),
-        hand=hand,
-        clock=clock,
-    )
+    loop = run_loop(levels=steady(1, end_ns=900 * MS), hand=hand, clock=Jumpy({30 * MS: 500 * MS}))
     times = [t // MS for t, _ in hand.sent]
     assert times[:11] == [*range(0, 30, 3), 432]
     assert loop._pacer.n_skipped > 0
 
 
 def test_nothing_of_the_loop_names_a_device() -> None:
-    import tega.loop.loop as module
-
-    text = Path(str(module.__file__)).read_text(encoding="utf-8")
-    from tega.devices import driver_names
-
+    text = Path(inspect.getfile(DualLoop)).read_text(encoding="utf-8")
     assert not [name for name in driver_names() if name in text]

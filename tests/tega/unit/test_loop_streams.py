@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,17 @@ import pytest
 
 from reference.recordings import baseline
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
+from tega.config.calibration import EmgMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.reader import ReadAhead, Reader
-from tega.loop.inbox.sources import SourceReport
+from tega.loop.inbox.sources import BlockMeter, SourceReport, grasp_blocks
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.records import Intent
-from tega.runtime.clock import ManualClock, SystemClock
+from tega.stages.base import MuscleSetup
+from tega.stages.decoders import RulesDecoder, RulesOptions
 
 SMALL = np.zeros((9, 9, 3), np.uint8)
 
@@ -30,31 +33,16 @@ def meter(report: SourceReport, *, live: bool = True) -> FrameMeter:
     return FrameMeter(baseline(), metric, report, live=live, start_ns=STARTED_NS)
 
 
-def test_a_manual_clock_never_sleeps_and_the_system_clock_keeps_time() -> None:
-    clock = ManualClock(5)
-    clock.sleep_until(10**18)
-    clock.sleep_until(3)
-    assert clock.now_ns() == 10**18
-    system = SystemClock()
-    until = system.now_ns() + 2 * MS
-    system.sleep_until(until)
-    assert system.now_ns() >= until
-
-
 def test_a_threaded_recording_arrives_whole_and_in_order() -> None:
-    def produce(_stopped: Callable[[], bool]) -> Iterator[Intent]:
-        for k in range(500):
-            yield Intent(t_ns=k * MS)
-
-    stream = PulledStream(ReadAhead("test", produce, capacity=4))
-    got = []
+    ahead = ReadAhead("test", lambda _stopped: (Intent(t_ns=k * MS) for k in range(500)), capacity=4)
+    stream, got = PulledStream(ahead), list[int]()
     for t in range(0, 600, 7):
         while (item := stream.next_until(t * MS)) is not None:
             assert item.t_ns <= t * MS
             got.append(item.t_ns // MS)
     assert got == list(range(500))
     assert stream.ended
-    stream.close()
+    ahead.close()
 
 
 def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
@@ -63,11 +51,11 @@ def test_an_error_in_the_thread_comes_after_what_was_made_before_it() -> None:
         yield Intent(t_ns=MS)
         raise RecordingError("frame 3 is torn")
 
-    stream = PulledStream(ReadAhead("test", produce))
-    assert stream.next_until(0) == Intent(t_ns=0)
-    with pytest.raises(RecordingError, match="torn"):
-        stream.next_until(MS)
-    stream.close()
+    with closing(ReadAhead("test", produce)) as ahead:
+        stream = PulledStream(ahead)
+        assert stream.next_until(0) == Intent(t_ns=0)
+        with pytest.raises(RecordingError, match="torn"):
+            stream.next_until(MS)
 
 
 def test_a_live_stream_never_makes_the_loop_wait_and_loses_the_oldest() -> None:
@@ -116,12 +104,10 @@ def test_what_came_over_a_link_lapses() -> None:
     assert len(lost) == 1
 
 
-def test_closing_a_stream_frees_a_thread_that_waits_for_room() -> None:
-    stream = PulledStream(
-        ReadAhead("waits", lambda _stopped: (Intent(t_ns=k) for k in range(10**9)), capacity=2)
-    )
+def test_closing_frees_a_thread_that_waits_for_room() -> None:
+    ahead = ReadAhead("waits", lambda _stopped: (Intent(t_ns=k) for k in range(10**9)), capacity=2)
     assert "tega-waits" in {thread.name for thread in threading.enumerate()}
-    stream.close()
+    ahead.close()
     assert "tega-waits" not in {thread.name for thread in threading.enumerate()}
 
 
@@ -138,13 +124,7 @@ def test_bad_frames_of_a_live_sensor_are_dropped_and_counted() -> None:
 def test_a_live_sensor_that_goes_away_says_why_for_as_long_as_it_is_gone() -> None:
     report = SourceReport()
     camera: Any = ScriptedCamera([live_frame(0), DeviceUnavailableError("unplugged"), live_frame(2)])
-    got = list(
-        measured_contacts(
-            camera,
-            meter(report),
-            stopped=lambda: report.lost != "",
-        )
-    )
+    got = list(measured_contacts(camera, meter(report), stopped=lambda: report.lost != ""))
     assert len(got) == 1
     assert report.lost == "unplugged"
 
@@ -156,11 +136,6 @@ def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> Non
 
 
 def test_chunk_size_does_not_change_levels_or_stamps() -> None:
-    from tega.config.calibration import EmgMaxima
-    from tega.loop.inbox.sources import BlockMeter, grasp_blocks
-    from tega.stages.base import MuscleSetup
-    from tega.stages.decoders import RulesDecoder, RulesOptions
-
     samples = np.random.default_rng(3).standard_normal((1000, 2)) * np.linspace(0, 3, 1000)[:, None]
 
     class Chunks:

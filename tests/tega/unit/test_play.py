@@ -8,7 +8,6 @@ import json
 import signal
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,6 +18,7 @@ import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from reference.command import call
 from reference.parts import observed
 from reference.processes import until
 from reference.sessions import read_recorded
@@ -36,12 +36,9 @@ from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, Pos
 from tega.records.bus import Bus
 from tega.runtime.features import Feature
 from tega.runtime.files.toml_text import tree_text
-from tega.ui.cli.main import main
 from tega.ui.cli.report import print_summary
-from tega_emulators.lab import EmulatedLab, emulated_lab
+from tega_emulators.lab import PRESSED, EmulatedLab, emulated_lab, pressing
 from tega_emulators.vest_bench import seen_by
-
-SECONDS = 1.5
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -56,21 +53,27 @@ def checked(tree: dict[str, Any]) -> SessionConfig:
 
 
 def rows(path: Path) -> list[list[str]]:
-    with path.open(newline="") as file:
-        return list(csv.reader(file))[1:]
+    return list(csv.reader(path.read_text().splitlines()))[1:]
 
 
-def test_as_fast_as_it_goes_it_is_what_was_recorded(lossless: Path, tmp_path: Path) -> None:
-    summary = play_file(lossless, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+@pytest.fixture(scope="module")
+def played(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], Path]:
+    """Play a recording as fast as it goes; return the summary and the folder of its tables."""
+    out = tmp_path_factory.mktemp("played") / "out"
+    return play_file(lossless, checked({"session": {"out_dir": str(out)}}), speed=None), out
+
+
+def test_as_fast_as_it_goes_it_is_what_was_recorded(lossless: Path, played: Any) -> None:
+    summary, out = played
     assert summary["ended"] == "complete"
     recorded = read_recorded(lossless)
     then = {round(one.t_ns / 1e9, 6): list(one.intensities) for one in recorded.of(VestFrame)}
-    now = {float(row[0]): [int(v) for v in row[1:]] for row in rows(tmp_path / "out" / "vest.csv")}
+    now = {float(row[0]): [int(v) for v in row[1:]] for row in rows(out / "vest.csv")}
     assert now == then
     assert max(max(frame) for frame in now.values()) > 50
     frames = [f"{f.id:03X} {f.data.hex().upper()}" for one in recorded.of(HandCommand) for f in one.frames]
-    assert [f"{row[1]} {row[2]}" for row in rows(tmp_path / "out" / "can.csv")][: len(frames)] == frames
-    notes = json.loads((tmp_path / "out" / "summary.json").read_text())["notes"]
+    assert [f"{row[1]} {row[2]}" for row in rows(out / "can.csv")][: len(frames)] == frames
+    notes = json.loads((out / "summary.json").read_text())["notes"]
     assert f"thumb: played from {lossless.name} as fast as it went" in notes
 
 
@@ -83,10 +86,8 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(lossless: Path,
     assert len(times) <= len(recorded.of(VestFrame)) / 4 + 1
 
 
-def test_input_is_counted_without_the_lead(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    summary = play_file(lossless, checked({"session": {"out_dir": str(tmp_path / "out")}}), speed=None)
+def test_input_is_counted_without_the_lead(played: Any, capsys: pytest.CaptureFixture[str]) -> None:
+    summary, _ = played
     length_s = summary["duration_s"]
     ahead = {"duration_s": length_s + 40.0, "played": summary["played"] | {"lead_s": 40.0}}
     print_summary(summary | ahead, measured={"wall_s": 1.0, "real_time_factor": 1.0})
@@ -126,30 +127,11 @@ class Session(NamedTuple):
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """Three seconds of a finger that is pressed harder and softer, recorded from emulated devices."""
     folder = tmp_path_factory.mktemp("lab")
-    from tega.config.calibration import TouchMaxima
-
-    full = TouchMaxima(cci_max=0.05, eda_max=20_000.0)
-    with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",), touch=full) as lab:
-        tree = {
-            **lab.tree,
-            "session": {"duration_s": 3.0},
-            "recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0},
-        }
-        over = threading.Event()
-
-        def press() -> None:
-            k = 0
-            while not over.wait(0.1):
-                k += 1
-                lab.sensors["thumb"].say(f"press {0.2 + 0.15 * (k % 5)}")
-
-        pressing = threading.Thread(target=press)
-        pressing.start()
-        try:
+    with emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",), touch=PRESSED) as lab:
+        recording = {"dir": str(folder / "session"), "stop_free_mib": 0.0}
+        tree = {**lab.tree, "session": {"duration_s": 3.0}, "recording": recording}
+        with pressing(lab):
             summary = run_session(checked(tree))
-        finally:
-            over.set()
-            pressing.join()
         assert lab.limp()
         to = {name: lab.tree[name] for name in ("vest", "hand")}
         yield Session(lab, to, folder / "session" / str(summary["recording"]["file"]))
@@ -272,10 +254,7 @@ def test_of_a_session_with_several_recordings_one_has_to_be_named(
 ) -> None:
     for name in ("trial-001.mcap", "trial-002.mcap"):
         (tmp_path / name).write_bytes(lossless.read_bytes())
-    with pytest.raises(SystemExit) as left:
-        main(["play", str(tmp_path), "--speed", "max"])
-    assert left.value.code == 1
-    assert "trial-002.mcap" in capsys.readouterr().err
+    assert "trial-002.mcap" in call(capsys, "play", tmp_path, "--speed", "max", code=1)[1]
 
 
 @pytest.mark.slow
@@ -297,14 +276,14 @@ def test_a_played_session_is_held_to_the_day_of_who_wears_the_vest(session: Sess
 
 
 @pytest.mark.slow
-def test_a_motor_that_is_identified_counts_to_the_day_too(session: Session, tmp_path: Path) -> None:
+def test_a_motor_that_is_identified_counts_to_the_day_too(
+    session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
     settings = tmp_path / "vest.toml"
     tree = {"vest": session.to["vest"], "calibration": {"folder": str(tmp_path)}}
     settings.write_text(tree_text(tree))
-    with pytest.raises(SystemExit) as ended:
-        main(["vest", "identify", str(settings), "--person", "p01", "--motor", "3", "--seconds", "0.5"])
-    assert ended.value.code == 0
+    call(capsys, "vest", "identify", settings, "--person", "p01", "--motor", "3", "--seconds", "0.5")
     (run,) = json.loads(file.read_bytes())
     assert run["dose_s"][3] > 0.05
     assert sum(run["dose_s"]) == pytest.approx(run["dose_s"][3])

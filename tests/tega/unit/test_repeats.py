@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import itertools
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -16,10 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
+from reference.command import call
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from reference.wired import wired_loop
-from tega.config.calibration import TouchMaxima
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
@@ -27,28 +26,22 @@ from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.picture_votes import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.pacing import Pacer
-from tega.loop.touch import STALE_NS, TouchLoop
+from tega.loop.touch import STALE_NS
 from tega.records import Contact
-from tega.runtime.clock import ManualClock
 from tega.stages.metrics import LiveMetric
-from tega.ui.cli.main import main
 
 
 @pytest.fixture
 def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
     """Count how often a picture is really measured."""
-    calls = itertools.count()
-    done = [0]
-
-    update = LiveMetric.update
+    measured, update = list[int](), LiveMetric.update
 
     def counting(metric: LiveMetric, frame: Any, t_ns: int) -> Any:
-        done[0] = next(calls) + 1
+        measured.append(t_ns)
         return update(metric, frame, t_ns)
 
     monkeypatch.setattr(LiveMetric, "update", counting)
-    return lambda: done[0]
+    return lambda: len(measured)
 
 
 def measure(script: list[Any], *, live: bool = True) -> tuple[list[Contact], SourceReport]:
@@ -61,10 +54,6 @@ def measure(script: list[Any], *, live: bool = True) -> tuple[list[Contact], Sou
 def showing(*pictures: int) -> list[TactileFrame]:
     """Return frames with numbers of their own that show these pictures."""
     return [live_frame(k, image=pressed(60, noise=picture)) for k, picture in enumerate(pictures)]
-
-
-def table(path: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader(path.read_text().splitlines()))
 
 
 def test_a_frame_delivered_again_is_neither_measured_nor_new(n_measured: Callable[[], int]) -> None:
@@ -147,14 +136,7 @@ def test_a_stuck_sensor_falls_silent_and_comes_back() -> None:
     last_used_ns, back_ns = 3 * 16 * MS, 32 * 16 * MS
     assert [one for one in contacts if last_used_ns < one.t_ns < back_ns] == []
     vest = Sink()
-    loop = wired_loop(
-        Pacer(ManualClock()),
-        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
-        contacts={"thumb": PulledStream(contacts)},
-        levels=None,
-        vests=[vest],
-        hands=[],
-    )
+    loop = wired_loop(contacts={"thumb": PulledStream(contacts)}, vests=[vest])
     loop.run()
     for t_ns, frame in vest.sent[:-1]:
         silent = last_used_ns + STALE_NS < t_ns < back_ns
@@ -170,11 +152,7 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
     one = rng.integers(0, 256, (height, width, 3)).astype(np.uint8)
     other = one.copy()
     for _ in range(data.draw(st.integers(0, 2))):
-        at = (
-            data.draw(st.integers(0, height - 1)),
-            data.draw(st.integers(0, width - 1)),
-            data.draw(st.integers(0, 2)),
-        )
+        at = tuple(data.draw(st.integers(0, n - 1)) for n in (height, width, 3))
         other[at] = data.draw(st.integers(0, 255))
     if data.draw(st.booleans()):
         one, other = one[:, ::-1], other[:, ::-1]
@@ -192,15 +170,10 @@ def test_a_recording_whose_pixels_stand_still_says_so(
         cv2.imwrite(str(folder / f"frame_{k}.png"), pressed(60, noise=k if k == 9 else 4))
     np.save(tmp_path / "gel.npy", baseline())
     words = ["--tactile", f"thumb={folder}", "--baseline", f"thumb={tmp_path / 'gel.npy'}"]
-    with pytest.raises(SystemExit):
-        main(["replay", "--json", *words, "--out", str(tmp_path / "out")])
-    summary = json.loads(capsys.readouterr().out)
+    summary = json.loads(call(capsys, "replay", "--json", *words, "--out", tmp_path / "out")[0])
     thumb = summary["tactile"]["thumb"]
     assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
-    text = (
-        "thumb: 2 frames have exactly the pixels of the one before, as a sensor's raw frames never do; used"
-    )
-    assert text in summary["notes"]
-    rows = table(tmp_path / "out" / "contacts.csv")
+    assert any("2 frames have exactly the pixels of the one before" in note for note in summary["notes"])
+    rows = list(csv.DictReader((tmp_path / "out" / "contacts.csv").read_text().splitlines()))
     assert len(rows) == 12
     assert rows[4]["eda"] == rows[5]["eda"] == rows[6]["eda"]

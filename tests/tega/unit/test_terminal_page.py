@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,12 +20,12 @@ from tega.ui.view.run_state import meaning
 from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 
 
-def screen(view: LoopView, *, age_s: float = 0.0) -> str:
-    """Draw it on 80 columns without colours."""
-    console = Console(file=io.StringIO(), width=80, color_system=None)
-    console.print(render(view, title="test", rates_hz={}, age_s=age_s))
-    file = console.file
-    assert isinstance(file, io.StringIO)
+def screen(view: LoopView, width: int = 80, **how: Any) -> str:
+    """Draw it without colours."""
+    file = io.StringIO()
+    Console(file=file, width=width, color_system=None).print(
+        render(view, **({"title": "test", "rates_hz": {}, "width": width} | how))
+    )
     return file.getvalue()
 
 
@@ -43,9 +44,7 @@ def test_a_finger_without_fresh_pictures_shows_no_data() -> None:
     assert "no data" in lines["thumb"]
     assert "no data" not in lines["index"]
     assert "no sensor" in lines["ring"]
-
-
-def test_fingers_of_other_names_stand_in_place_of_the_four() -> None:
+    # Fingers of other names stand in place of the four.
     text = screen(VIEW._replace(fingers=("left_palm", "thumb")))
     assert "left_palm  no sensor" in text
     assert "thumb" in text
@@ -95,12 +94,7 @@ FULL = (
     .at(2.0)
     .loop._replace(
         state="active",
-        alerts=(
-            "vest: not reached, so touch is not felt",
-            "latency: camera to vest p99 12 ms, above 5 ms",
-            "x",
-            "y",
-        ),
+        alerts=("vest: not reached, so touch is not felt", "latency: camera to vest p99 12 ms", "x", "y"),
         latency="camera to vest p50 1.1 ms, p99 2.3 ms (n 1200); muscle to hand p50 4.2 ms, p99 9.1 ms (n 410)",
         angles_rad=[0.4] * 16,
         command=5.0,
@@ -111,18 +105,7 @@ RATES = {"touch": 60.0, "levels": 10.0, "hand": 333.0, "vest": 30.0}
 
 
 def lines_of(width: int, height: int) -> list[str]:
-    console = Console(file=io.StringIO(), width=width, color_system=None)
-    drawn = render(
-        FULL,
-        title="TEGA · lab.toml",
-        rates_hz=RATES,
-        address="http://[::1]:8080/t/",
-        width=width,
-        height=height,
-    )
-    console.print(drawn)
-    assert isinstance(console.file, io.StringIO)
-    return console.file.getvalue().splitlines()
+    return screen(FULL, width, rates_hz=RATES, address="http://[::1]:8080/t/", height=height).splitlines()
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40), (200, 60)])
@@ -131,18 +114,8 @@ def test_hand_levels_rates_latency_and_both_faces_are_in_sight(width: int, heigh
     assert len(lines) <= height - 1  # the cursor stands in the line below
     assert {len(line) for line in lines} == {min(width, 120)}
     displayed = "\n".join(lines)
-    for text in (
-        "command level 5: tight",
-        "reported bend",
-        "channels",
-        "333 Hz",
-        "n 410",
-        "front",
-        "back",
-        "vest",
-        "/t/",
-    ):
-        assert text in displayed, text
+    hand = ("command level 5: tight", "reported bend", "channels", "333 Hz", "n 410")
+    assert all(text in displayed for text in (*hand, "front", "back", "vest", "/t/"))
 
 
 def test_alerts_that_do_not_fit_are_counted() -> None:

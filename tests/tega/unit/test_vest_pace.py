@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,15 +16,13 @@ from reference.processes import until
 from reference.scripted import MS, Sink, touching
 from reference.sessions import read_recorded
 from reference.vest_bench import HandedOver, KeptVest
-from reference.wired import wired_loop
+from reference.wired import FULL, wired_loop
 from tega.config import VestConfig, check_tree
-from tega.config.calibration import TouchMaxima
 from tega.devices.vest.vest_stream import VestOptions
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.latency import LatencyTrace
-from tega.loop.loop import DualLoop
 from tega.loop.outputs import VestOutput
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
@@ -33,56 +31,13 @@ from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Latency, VestFrame
 from tega.records.bus import Bus
-from tega.runtime.clock import ManualClock, SystemClock
+from tega.runtime.clock import SystemClock
 from tega.runtime.threads import Bell
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.vest_bench import vest_bench
 
 LONG_S = 60.0
-
-
-def loop_of(
-    contacts: Any, vest: Sink, *, pacer: Pacer, levels: Any = None, by_frame: bool = True, **how: Any
-) -> DualLoop:
-    touch = TouchLoop(dict.fromkeys(contacts, TouchMaxima(cci_max=1.0, eda_max=100.0)), layout="x40")
-    return wired_loop(
-        pacer,
-        touch,
-        contacts=contacts,
-        levels=levels,
-        vests=[vest],
-        hands=[],
-        by_frame=by_frame,
-        **how,
-    )
-
-
-# What wakes the loop
-
-
-def test_a_ring_ends_a_wait_and_two_before_it_count_once() -> None:
-    bell = Bell()
-    assert not bell.wait(0.001)
-    bell.ring()
-    bell.ring()
-    assert bell.wait(LONG_S)
-    assert not bell.wait(0.001)
-
-
-def test_a_wait_is_cut_short_by_the_bell_alone_and_never_beyond_the_deadline() -> None:
-    silent = Pacer(SystemClock())
-    silent.start()
-    assert silent.doze(50 * MS) == 50 * MS
-    pacer = Pacer(SystemClock(), bell=Bell())
-    pacer.start()
-    assert pacer.bell is not None
-    threading.Timer(0.01, pacer.bell.ring).start()
-    woken_ns = pacer.doze(round(LONG_S * 1e9))
-    assert 0 < woken_ns <= pacer.elapsed_ns()
-    # A ring that comes too late is kept for the turn after the deadline.
-    pacer.bell.ring()
-    assert pacer.doze(woken_ns) == woken_ns
-    assert pacer.doze(round(LONG_S * 1e9)) < round(LONG_S * 1e9)
+TOUCH = partial(TouchLoop, {"thumb": FULL}, layout="x40")
 
 
 # The loop
@@ -107,7 +62,9 @@ def test_what_a_picture_changes_is_felt_at_once_and_what_it_does_not_is_not_sent
     pacer.start()
     stream: LiveStream[Contact] = LiveStream(on_item=bell.ring)
     reader = Reader("thumb", camera, stream.put, stream.end)
-    loop = loop_of({"thumb": stream}, vest, pacer=pacer, rate_hz=1 / LONG_S)
+    loop = wired_loop(
+        pacer, TOUCH(), contacts={"thumb": stream}, vests=[vest], by_frame=True, rate_hz=1 / LONG_S
+    )
     report = loop.run(stop=lambda: len(felt) == 4)
     reader.close()
     assert report.n_contacts == {"thumb": 4}
@@ -127,8 +84,7 @@ def scripted(*, by_frame: bool) -> list[int]:
     vest = Sink()
     thumb = PulledStream([touching(50, t_ns=10 * MS), touching(50, t_ns=20 * MS), touching(0, t_ns=40 * MS)])
     levels = PulledStream([Intent(t_ns=90 * MS, channels=(1, 1, 1))], end_ns=90 * MS)
-    loop = loop_of({"thumb": thumb}, vest, pacer=Pacer(ManualClock()), levels=levels, by_frame=by_frame)
-    loop.run()
+    wired_loop(None, TOUCH(), contacts={"thumb": thumb}, levels=levels, vests=[vest], by_frame=by_frame).run()
     return [t_ns // MS for t_ns, _ in vest.sent]
 
 
@@ -293,10 +249,7 @@ def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
 
 
 def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
-    now = [0]
-    link = HandedOver()
-    reported: list[Latency] = []
-    bus = Bus()
+    now, link, bus, reported = [0], HandedOver(), Bus(), list[Latency]()
     bus.subscribe(Latency, reported.append)
     trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link], bus=bus)
     for finger, measured_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
@@ -308,11 +261,10 @@ def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_of
     # All wait in the driver, each in the place of the one before; the last leaves at 20 ms.
     link.handed = [(5 * MS, 20 * MS, 21 * MS)]
     trace.vest(33 * MS, 33 * MS, 33 * MS, changed=False)
-    held = {route.source: route.stages_ns()["held"] // MS for route in reported}
-    assert held == {"thumb": 19, "ring": 16, "index": 15}
+    stages = {route.source: route.stages_ns() for route in reported}
+    held = {finger: (ns["held"] // MS, ns["in-hand"] // MS) for finger, ns in stages.items()}
+    assert held == {"thumb": (19, 20), "ring": (16, 17), "index": (15, 16)}
     assert trace.n_replaced == 1  # the ring's first
-    in_hand = {route.source: route.stages_ns()["in-hand"] // MS for route in reported}
-    assert in_hand == {"thumb": 20, "ring": 17, "index": 16}
 
 
 def test_a_frame_for_the_player_leaves_in_the_call_that_hands_it_over_unless_the_link_is_in_use() -> None:
