@@ -121,11 +121,13 @@ VERBS = [
     ("replay --emg EMG --emg-rate-hz 250 --emg-kind raw --out OUT", "set"), ("demo --fast --out OUT", "set"),
     ("sim trials --seeds 1", "set"), ("study simulate --operators 1 --out OUT", "set"),
     ("study run STUDY p01 --simulated", "set"), ("study run STUDY p01 --simulated --config FILE", "FILE"),
-    ("study run STUDY p01 --emulated", "set"), ("audit PICTURES", "set"),
+    ("audit PICTURES", "set"),
 ]  # fmt: skip
+# Its settings are those of emulated devices, which are started first.
+EMULATED = pytest.param("study run STUDY p01 --emulated", "set", marks=pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("words", "how"), VERBS, ids=lambda value: value.partition(" -")[0])
+@pytest.mark.parametrize(("words", "how"), [*VERBS, EMULATED], ids=lambda value: value.partition(" -")[0])
 def test_every_verb_refuses_an_unknown_option_with_its_place_and_the_nearest_name(
     words: str, how: str, tmp_path: Path, capsys: Any
 ) -> None:

@@ -15,6 +15,11 @@ from tega.loop.snapshot import LoopView
 pytestmark = pytest.mark.slow
 
 
+def steers(made: Lab) -> bool:
+    """Whether the muscles have closed the hand."""
+    return made.state == "active" and closed(made)
+
+
 def opened(made: Lab) -> bool:
     """Whether they really are in the open one."""
     return bool(np.abs(np.array(made.hand.say("look")["angles_rad"]) - OPEN).max() < 0.15)
@@ -24,7 +29,7 @@ def test_emg_unplugged_holds_the_level_then_opens_the_hand(tmp_path: Path) -> No
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
 
         def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
             made.emg.say("unplug")
             made.until(lambda: made.state == "hold")
             assert "emg: " in made.changes[-1].reason
@@ -45,7 +50,7 @@ def test_emg_lost_keeps_the_level_where_the_settings_say_so(tmp_path: Path) -> N
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 100.0, "then": "keep"}) as made:
 
         def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
             made.emg.say("freeze 1")
             made.until(lambda: made.state == "hold")
             time.sleep(1.0)
@@ -61,7 +66,7 @@ def test_emg_that_comes_back_steers_again(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 500.0}) as made:
 
         def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
             # Longer than the driver waits: the board is opened anew.
             made.emg.say("freeze 1")
             made.until(lambda: made.state == "idle")
@@ -92,7 +97,7 @@ def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
     with lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 1500.0}) as made:
 
         def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
             lowest.clear()
             made.emg.say(f"signal {signal}")
             made.until(lambda: made.state == "hold")
@@ -106,7 +111,7 @@ def test_electrodes_that_are_off_hold_the_level_then_open_the_hand(
             assert set(lowest) == {5}
             made.until(lambda: opened(made))
             made.emg.say("signal emg")
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
 
         made.run(script, observe=note)
         assert made.limp()
@@ -117,7 +122,7 @@ def test_one_electrode_that_is_off_has_no_vote_and_the_others_go_on(tmp_path: Pa
     with lab(tmp_path, emg=True, hand=True) as made:
 
         def script() -> None:
-            made.until(lambda: made.state == "active" and closed(made))
+            made.until(lambda: steers(made))
             made.emg.say("signal rail 2")
             made.until(lambda: "no vote for ch2: stays at" in made.said())
             assert made.views[0].intent is not None

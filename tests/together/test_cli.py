@@ -19,6 +19,20 @@ from reference.command import call
 from reference.recordings import squeezes, write_folder
 from tega.ui.cli.main import cli
 
+SESSION = """
+[session]
+out_dir = "out"
+[tactile.thumb]
+driver = "images"
+options = { folder = "thumb" }
+[emg]
+driver = "emg-file"
+kind = "raw"
+options = { file = "emg.npy", rate_hz = 200.0 }
+[hand]
+driver = "python-can"
+options = { interface = "virtual", channel = "cli" }
+"""
 DEVICE_KEYS = {"name", "kind", "summary", "package", "ready", "problem", "found", "could_not"}
 
 
@@ -27,25 +41,7 @@ def session(tmp_path: Path) -> Path:
     write_folder(tmp_path / "thumb", 30)
     np.save(tmp_path / "emg.npy", squeezes(400, 200.0))
     path = tmp_path / "session.toml"
-    path.write_text(
-        """
-[session]
-out_dir = "out"
-
-[tactile.thumb]
-driver = "images"
-options = { folder = "thumb" }
-
-[emg]
-driver = "emg-file"
-kind = "raw"
-options = { file = "emg.npy", rate_hz = 200.0 }
-
-[hand]
-driver = "python-can"
-options = { interface = "virtual", channel = "cli" }
-"""
-    )
+    path.write_text(SESSION)
     return path
 
 
@@ -65,15 +61,12 @@ def test_help_lists_every_verb_by_life_cycle(capsys: pytest.CaptureFixture[str])
 
 def test_help_and_import_load_nothing_heavy() -> None:
     script = (
-        "import sys\nfrom tega.ui.cli.main import main\n"
-        "try:\n    main(sys.argv[1:])\nexcept SystemExit:\n    pass\n"
+        "import sys\nfrom tega.ui.cli.main import main\nfor verb in ([], ['replay'], ['devices']):\n"
+        "    try:\n        main([*verb, '--help'])\n    except SystemExit:\n        pass\n"
         "print([m for m in ('numpy', 'cv2', 'rich', 'scipy', 'can', 'msgspec') if m in sys.modules])\n"
     )
-    for words in (["--help"], ["replay", "--help"], ["devices", "--help"]):
-        done = subprocess.run(
-            [sys.executable, "-c", script, *words], capture_output=True, text=True, check=True
-        )
-        assert done.stdout.splitlines()[-1] == "[]"
+    out = subprocess.check_output([sys.executable, "-c", script], text=True)
+    assert out.splitlines()[-1] == "[]"
 
 
 def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,14 +110,14 @@ def test_config_show_and_check(capsys: pytest.CaptureFixture[str], session: Path
         "key": "emg.options.rate_hz",
         "value": 200.0,
         "unit": "Hz",
-        "origin": "session.toml:12",
+        "origin": "session.toml:10",
     }
     assert values["vest.rate_hz"]["origin"] == "default"
     assert call(capsys, "config", "check", session)[0] == "session.toml: ok\n"
     assert json.loads(call(capsys, "config", "check", session, "--json")[0])["ok"] is True
     session.write_text(session.read_text().replace("rate_hz", "ratehz"))
     _, err = call(capsys, "config", "check", session, code=1)
-    assert err == "error: session.toml:12: emg.options.ratehz: unknown key\nhint: did you mean 'rate_hz'?\n"
+    assert err == "error: session.toml:10: emg.options.ratehz: unknown key\nhint: did you mean 'rate_hz'?\n"
     out, _ = call(capsys, "config", "check", session, "--json", code=1)
     assert json.loads(out)["hint"] == "did you mean 'rate_hz'?"
 
@@ -136,9 +129,7 @@ def test_run_as_fast_as_possible(capsys: pytest.CaptureFixture[str], session: Pa
     assert summary["hand"]["sinks"] == ["python-can", "can-recorder"]
     assert "pacing" not in summary
     assert summary["measured"]["real_time_factor"] > 0
-    text, _ = call(capsys, "run", session, "--set", "session.pace=fast")
-    assert "times real time" in text
-    assert "emg.npy" in text
+    assert "emg.npy" in summary["emg"]["source"]
 
 
 def test_run_in_real_time_takes_the_time(capsys: pytest.CaptureFixture[str], session: Path) -> None:

@@ -14,7 +14,7 @@ import pytest
 
 from reference.gel import N_FRAMES, PERIOD_NS, PRESSED, gel_frames
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
-from reference.sessions import record, rewritten, stream
+from reference.sessions import rewritten, stream
 from tega.config import check_tree
 from tega.config.calibration import Calibration, TouchMaxima
 from tega.devices.base import DeviceInfo, TactileFrame
@@ -277,11 +277,11 @@ def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
     assert labels.name(_felt(0.52, 0.0, finger="index")) == "none"
 
 
-@pytest.mark.parametrize("lossless", [True, False])
+@pytest.mark.parametrize(("kind", "off"), [("lossless", 0.0), ("recording", 0.1)])
 def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline(
-    tmp_path: Path, *, lossless: bool
+    request: pytest.FixtureRequest, kind: str, off: float
 ) -> None:
-    path = record(tmp_path / "a1", lossless=lossless)
+    path: Path = request.getfixturevalue(kind)
     found = recorded_picture(path.parent)
     assert found is not None
     contact, touch_map = found.touch.contact, found.touch.map
@@ -292,7 +292,7 @@ def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline
     masses = [message.value.mass for message in contacts if message.value is not None]
     assert contact.mass == max(masses)
     outlined = np.count_nonzero(touch_map.mask)
-    assert outlined == pytest.approx(contact.eda, rel=0.0 if lossless else 0.1)
+    assert outlined == pytest.approx(contact.eda, rel=off)
 
 
 def test_metrics_are_made_before_the_session_s_clock_starts(

@@ -15,8 +15,8 @@ from tega.config import check_tree
 from tega.loop import run_session
 from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
 from tega.records.bus import Bus
-from tega.ui.view.browser import BrowserView
 from tega.ui.view.browser.feed import DecodersApart, MuscleRows, SessionFeed
+from tega.ui.view.browser.state_html import run_state_html, status_html
 from tega.ui.view.state import ViewState
 from tega_learn.decoders import fit
 
@@ -106,9 +106,11 @@ def test_a_hold_is_told_with_its_reason() -> None:
     assert rows.rows() == {"decoder": "holds closure 0.52: no channel can be believed"}
 
 
-def learned(folder: Path, **options: float) -> dict[str, Any]:
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Fit a model to rest and effort, and write a recording: rest, effort, then twenty times as strong."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+    folder = tmp_path_factory.mktemp("learned")
     rng = np.random.default_rng(3)
 
     def emg(closures: list[float]) -> tuple[Any, Any]:
@@ -120,24 +122,30 @@ def learned(folder: Path, **options: float) -> dict[str, Any]:
     known, _ = emg([0.0, 0.5, 1.0])
     strange, _ = emg([20.0, 20.0])
     np.save(folder / "emg.npy", np.concatenate([known, strange]))
-    calibration = (
+    return folder
+
+
+def tree_of(folder: Path, maximum: float = 2000.0) -> dict[str, Any]:
+    """Return the settings for a folder's samples, calibrated to a maximum."""
+    (folder / "calibration.toml").write_text(
         'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
-        'rate_hz = 1000.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [2000.0, 2000.0]\n'
+        f'rate_hz = 1000.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [{maximum}, {maximum}]\n'
     )
-    (folder / "calibration.toml").write_text(calibration)
-    source = {"file": str(folder / "emg.npy"), "rate_hz": 1000, "channels": [1, 2]}
     return {
         "session": {"pace": "fast"},
-        "calibration": {"file": str(folder / "calibration.toml")},
-        "emg": {"driver": "emg-file", "kind": "raw", "options": source},
-        "stages": {
-            "decoder": {"name": "learned", "options": {"model": str(folder / "model.json"), **options}}
-        },
+        "calibration": {"file": "calibration.toml"},
+        "emg": {"driver": "emg-file", "kind": "raw", "options": {"file": "emg.npy", "rate_hz": 1000}},
     }
 
 
-def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_know(tmp_path: Path) -> None:
-    rows = [moment.rows for moment in moments_of(learned(tmp_path), tmp_path)]
+def learned(folder: Path, **options: float) -> dict[str, Any]:
+    """Return the settings with the model as the decoder."""
+    decoder = {"name": "learned", "options": {"model": str(folder / "model.json"), **options}}
+    return tree_of(folder) | {"stages": {"decoder": decoder}}
+
+
+def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_know(lab: Path) -> None:
+    rows = [moment.rows for moment in moments_of(learned(lab), lab)]
     sure = [row["decoder"] for row in rows if "sure" in row.get("decoder", "")]
     assert re.fullmatch(r"closure \d\.\d\d, \d+ % sure", sure[0])
     assert rows[-1]["decoder"].endswith(": this effort is like none that the model knows")
@@ -145,24 +153,18 @@ def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_
     assert "fatigue" in rows[-1]
 
 
-def test_a_run_shows_that_it_holds_for_want_of_confidence(tmp_path: Path) -> None:
-    moments = moments_of(learned(tmp_path, hold_below=1.0), tmp_path)
+def test_a_run_shows_that_it_holds_for_want_of_confidence(lab: Path) -> None:
+    moments = moments_of(learned(lab, hold_below=1.0), lab)
     assert any(one.rows.get("decoder", "").endswith(" % sure, 100 % are needed") for one in moments)
 
 
 def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_path: Path) -> None:
-    """Simulated: the muscle under the first electrode is under the second one after twenty seconds."""
+    """Simulated: the muscle under the first electrode is under the second one after ten seconds."""
     rng = np.random.default_rng(5)
-    size = np.repeat([[30.0, 6.0], [6.0, 30.0]], [20_000, 10_000], axis=0)
-    tree = learned(tmp_path)
+    size = np.repeat([[30.0, 6.0], [6.0, 30.0]], [10_000, 7_000], axis=0)
     np.save(tmp_path / "emg.npy", rng.normal(size=size.shape) * size)
-    text = (tmp_path / "calibration.toml").read_text().replace("2000.0", "40.0")
-    (tmp_path / "calibration.toml").write_text(text)
-    del tree["stages"]
-    last = moments_of(tree, tmp_path)[-2]
+    last = moments_of(tree_of(tmp_path, 40.0), tmp_path)[-2]
     assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)
-    with BrowserView("a run", port=0) as view:
-        view.page.paint_text(last)
-        assert "electrodes have moved or come loose" in view.page.run_state.content
-        assert re.search(r"electrodes</td>.*pattern \d\d % off the run", view.page.status.content)
-        assert re.search(r"fatigue</td>.*median frequency – · \d+ Hz", view.page.status.content)
+    assert "electrodes have moved or come loose" in run_state_html(last.loop)
+    assert re.search(r"electrodes</td>.*pattern \d\d % off the run", status_html(last))
+    assert re.search(r"fatigue</td>.*median frequency – · \d+ Hz", status_html(last))

@@ -43,11 +43,7 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
             "tactile": {"thumb": finger(30.0, shape=(60, 80))},
             "input": {
                 "motion": {"driver": "spacemouse"},
-                "dead_man": {
-                    "driver": "spacemouse",
-                    "button": "left",
-                    "options": {"silent_after_ms": 10_000.0},
-                },
+                "dead_man": {"driver": "spacemouse", "button": "left", "options": {"silent_after_ms": 1e4}},
                 "marker": {"driver": "pedal", "button": "c"},
             },
         }
@@ -74,24 +70,14 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     assert inputs["dead_man"].held
     assert inputs["marker"].n_presses == 1
     assert summary["ended"] == "stopped"
-    assert summary["inputs"]["marker"] == {
-        "driver": "pedal",
-        "source": "PCsensor FootSwitch",
-        "presses": 1,
-        "no_data_share": 0.0,
-    }
+    marker = summary["inputs"]["marker"]
+    assert (marker["driver"], marker["source"], marker["presses"]) == ("pedal", "PCsensor FootSwitch", 1)
+    assert marker["no_data_share"] == 0.0
     console = Console(width=100, record=True, file=io.StringIO())
     console.print(render(seen[-1], title="test", rates_hz={}))
-    drawn = console.export_text()
-    assert "x +1.00" in drawn
-    assert "held" in drawn
-    assert "held, 1 press" in drawn
-    pytest.importorskip("viser", reason="needs the extra tega[view]")
-    from tega.ui.view.browser.state_html import status_html
-
-    page = status_html(ViewState(seen[-1].t_ns, seen[-1]))
-    assert "dead man" in page
-    assert "held, 1 press" in page
+    page = pytest.importorskip("tega.ui.view.browser.state_html", reason="needs the extra tega[view]")
+    for drawn in (console.export_text(), page.status_html(ViewState(seen[-1].t_ns, seen[-1]))):
+        assert all(text in drawn for text in ("dead man", "x +1.00", "held, 1 press"))
 
 
 def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:

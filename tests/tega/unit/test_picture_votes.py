@@ -107,11 +107,10 @@ def test_an_edge_that_is_black_by_itself_is_not_torn() -> None:
 @pytest.mark.parametrize("clip", ["digit_ball_D20641", "gsmini_shapes", "gsmini_soft_grips"])
 def test_no_real_press_costs_a_vote(recordings: Path, clip: str) -> None:
     cv2: Any = pytest.importorskip("cv2")
-    files = sorted(f for f in (recordings / "digit" / clip).rglob("*") if f.suffix in {".png", ".jpg"})
-    assert len(files) > 20
+    files = sorted(f for f in (recordings / "digit" / clip).rglob("*") if f.suffix in {".png", ".jpg"})[::3]
+    assert len(files) > 7
     images = [image for image in (cv2.imread(str(file)) for file in files) if image is not None]
-    of_a_size = [image for image in images if image.shape == images[0].shape]
-    untouched, before = untouched_lines(of_a_size[0]), list[bytes]()
-    for image in of_a_size[1:]:
+    untouched, before = untouched_lines(images[0]), list[bytes]()
+    for image in (image for image in images[1:] if image.shape == images[0].shape):
         fault, before = picture_fault(image, untouched, before)
         assert not fault

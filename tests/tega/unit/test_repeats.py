@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,13 +14,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from reference.command import call
 from reference.recordings import baseline, pressed, write_folder
 from reference.scripted import MS, STARTED_NS, ScriptedCamera, Sink, live_frame, touching
 from reference.wired import wired_loop
+from tega.config import check_tree
 from tega.config.choose import preset_metric
 from tega.devices.base import TactileFrame
 from tega.errors import RecordingError
+from tega.loop import run_session
 from tega.loop.inbox.frames import FrameMeter, measured_contacts
 from tega.loop.inbox.picture_votes import STUCK_FRAMES, is_repeat, kept_picture
 from tega.loop.inbox.sources import SourceReport
@@ -162,15 +162,14 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
     assert not is_repeat(one[:-1], last)
 
 
-def test_a_recording_whose_pixels_stand_still_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recording_whose_pixels_stand_still_says_so(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "thumb", 12)
     for k in (4, 5, 6, 9):
         cv2.imwrite(str(folder / f"frame_{k}.png"), pressed(60, noise=k if k == 9 else 4))
     np.save(tmp_path / "gel.npy", baseline())
-    words = ["--tactile", f"thumb={folder}", "--baseline", f"thumb={tmp_path / 'gel.npy'}"]
-    summary = json.loads(call(capsys, "replay", "--json", *words, "--out", tmp_path / "out")[0])
+    thumb = {"driver": "images", "baseline": "gel.npy", "options": {"folder": "thumb"}}
+    tree = {"session": {"pace": "fast", "out_dir": "out"}, "tactile": {"thumb": thumb}}
+    summary = run_session(check_tree(tree, {}, base=tmp_path).config)
     thumb = summary["tactile"]["thumb"]
     assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
     assert any("2 frames have exactly the pixels of the one before" in note for note in summary["notes"])

@@ -148,8 +148,8 @@ def _summary(examination: Examination) -> list[str]:
             ]
         return [subject]
     ready = f"Ready, with {n_warnings} warning{'' if n_warnings == 1 else 's'}" if n_warnings else "Ready"
-    if examination.settings.endswith(".toml"):
-        return [f"{ready}: tega-teleop run {examination.settings}"]
+    then = ": `tega-teleop init` writes settings for these devices."
     if examination.settings:
-        return [f"{ready}."]
-    return [f"{ready}: `tega-teleop init` writes settings for these devices."]
+        is_file = examination.settings.endswith(".toml")
+        then = f": tega-teleop run {examination.settings}" if is_file else "."
+    return [ready + then]

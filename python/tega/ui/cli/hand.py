@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -48,35 +48,25 @@ def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | Non
         return [f"{state.t_s:.6f}", servo, *(f"{v:.6f}" for v in state.angles_rad), *torques, *celsius]
 
     decoder = HandLog(*find_hand(read_can_log(log), device_id=device_id, channel=bus))
-    names = [f"{joint}_{unit}" for unit in ("rad", "pwm", "c") for joint in JOINT_NAMES]
-    table = None if out is None else CsvWriter(out, ["t_s", "servo_on", *names])
+    names = ["t_s", "servo_on", *(f"{joint}_{unit}" for unit in ("rad", "pwm", "c") for joint in JOINT_NAMES)]
     last: LoggedHand | None = None
-    try:
+    with nullcontext() if out is None else closing(CsvWriter(out, names)) as table:
         for last in decoder.states(read_can_log(log)):
             if table is not None:
                 table.write(",".join(cells(last)) + "\n")
-    finally:
-        if table is not None:
-            table.close()
     facts = decoder.facts
     if as_json:
-        row = None if last is None else dict(zip(["t_s", "servo_on", *names], cells(last), strict=True))
+        row = None if last is None else dict(zip(names, cells(last), strict=True))
         echo_json({**msgspec.structs.asdict(facts), "last": row, "out": None if out is None else str(out)})
         return
-    about = (
-        f"version {facts.hardware}, firmware {facts.firmware}, {facts.side}"
-        if facts.hardware
-        else "not asked"
-    )
-    click.echo(
-        f"hand {facts.device_id} on bus {facts.channel or 'unnamed'}: {about}; serial {facts.serial or 'not asked'}"
-    )
+    versions = f"version {facts.hardware}, firmware {facts.firmware}, {facts.side}"
+    about, serial = versions if facts.hardware else "not asked", facts.serial or "not asked"
     rate_hz = facts.sets / facts.duration_s if facts.duration_s else 0.0
     click.echo(
+        f"hand {facts.device_id} on bus {facts.channel or 'unnamed'}: {about}; serial {serial}\n"
         f"{facts.frames} frames in {facts.duration_s:.3f} s: {facts.sets} sets of joint angles ({rate_hz:.1f} a second)"
-        f", {facts.incomplete} incomplete"
+        f", {facts.incomplete} incomplete\n" + "  ".join(f"{kind} {n}" for kind, n in facts.kinds.items())
     )
-    click.echo("  ".join(f"{kind} {n}" for kind, n in facts.kinds.items()))
     if last is not None:
         click.echo("last angles, rad: " + "  ".join(f"{v:.3f}" for v in last.angles_rad))
     if out is not None:
@@ -88,12 +78,7 @@ _hand_options = all_options(
         "--interface", default="socketcan", show_default=True, help="python-can's name of the adapter."
     ),
     click.option("--channel", default="can0", show_default=True, help="Which bus of the adapter."),
-    click.option(
-        "--side",
-        type=click.Choice(["right", "left"]),
-        default="right",
-        help="Whether it is a right or a left hand.",
-    ),
+    click.option("--side", type=click.Choice(["right", "left"]), default="right", help="Which hand it is."),
     click.option("--device-id", type=click.IntRange(0, 3), default=0, help="The hand's number on its bus."),
     click.option("--emulated", is_flag=True, help="Use the emulated hand, in a process of its own."),
 )
@@ -103,8 +88,6 @@ _hand_options = all_options(
 def _opened(
     *, interface: str, channel: str, side: str, device_id: int, emulated: bool, **more: Any
 ) -> Iterator[Allegro]:
-    from contextlib import ExitStack
-
     from tega.devices.hand.allegro import Allegro
     from tega.devices.hand.allegro_options import AllegroOptions
     from tega.runtime.lifecycle import needs_tools
@@ -230,13 +213,11 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
         return
     click.echo(f"{timing.rate_hz:.1f} sets of angles a second over {timing.seconds:.1f} s")
     click.echo(f"{'':<28}{'median':>9}{'99 %':>9}{'99.9 %':>9}{'worst':>9}")
-    for title, values in (
-        ("answer to answer, ms", timing.period_ms),
-        ("frames to answer, ms", timing.answer_ms),
-    ):
+    rows = {"answer to answer, ms": timing.period_ms, "frames to answer, ms": timing.answer_ms}
+    for title, values in rows.items():
         click.echo(f"{title:<28}" + "".join(f"{value:>9.3f}" for value in values))
-    click.echo(f"{timing.cpu_percent:.1f} % of one core for the hand's loop")
     click.echo(
+        f"{timing.cpu_percent:.1f} % of one core for the hand's loop\n"
         f"{timing.incomplete} incomplete sets, {timing.late} gaps over 9 ms, {timing.silences} silences, "
         f"{timing.unsent} frames not taken by the adapter"
     )

@@ -73,17 +73,17 @@ def init(
         raise ConfigError(
             f"there is no folder {out.parent}", "make it first, or name another file with --out"
         )
-    if stations and not emulated:
-        raise click.UsageError(
-            "--stations goes with --emulated; docs/two-machines.md shows how to write the files"
-        )
-    if play is not None and not emulated:
-        raise click.UsageError("--play goes with --emulated: real devices are moved by people")
     if arm is not None:
         driver_class(arm, "arm")
     if emulated:
         _emulate(out, stations=stations, arm=arm, play=play, as_json=as_json)
         return
+    if stations:
+        raise click.UsageError(
+            "--stations goes with --emulated; docs/two-machines.md shows how to write the files"
+        )
+    if play is not None:
+        raise click.UsageError("--play goes with --emulated: real devices are moved by people")
     looked = probe_drivers()
     out.write_text(lab_settings(looked, name=out.name, arm=arm), encoding="utf-8")
     load_config(out, environ={})  # what is written can be read
@@ -127,20 +127,21 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
         if stations:
             address = f"tcp/127.0.0.1:{free_port()}"
             trees = split(tomllib.loads(out.read_text(encoding="utf-8")), listen=address, connect=address)
-            names = ("robot", "operator")
-            written = write_trees(out.parent, trees, f"{out.stem}-")
-            files = {name: str(file) for name, file in zip(names, written, strict=True)}
+            written = map(str, write_trees(out.parent, trees, f"{out.stem}-"))
+            files = dict(zip(("robot", "operator"), written, strict=True))
         if as_json:
             also = {} if hidapi is None else {"pythonpath": str(hidapi)}
             echo_json({"file": str(out), **files, **also, "found": found, "could_not": {}})
         elif stations:
-            click.echo("The emulated devices run until Ctrl-C; in two other terminals:")
-            click.echo(f"  tega-teleop robot {files['robot']}")
-            click.echo(f"  {ahead}tega-teleop operator {files['operator']}")
+            click.echo(
+                "The emulated devices run until Ctrl-C; in two other terminals:\n"
+                f"  tega-teleop robot {files['robot']}\n  {ahead}tega-teleop operator {files['operator']}"
+            )
         else:
-            click.echo(f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:")
-            click.echo(f"  {ahead}tega-teleop doctor {out}")
-            click.echo(f"  {ahead}tega-teleop run {out}")
+            click.echo(
+                f"Wrote {out}. The emulated devices run until Ctrl-C; in another terminal:\n"
+                f"  {ahead}tega-teleop doctor {out}\n  {ahead}tega-teleop run {out}"
+            )
         if play is not None:
             bench.moves.play(play)
         if _may_read():

@@ -33,14 +33,11 @@ def devices(*, as_json: bool) -> None:
 
     drivers, looked = list_drivers(), probe_drivers(_POLL_S)
     if as_json:
-        reported = []
+        reported, keys = [], ("label", "options", "problem", "hint", "note")
         for d in drivers:
             there = looked.get(d.name)
-            found = [
-                {key: getattr(one, key) for key in ("label", "options", "problem", "hint", "note")}
-                for one in (there.found if there is not None else ())
-            ]
-            could_not = there.could_not if there is not None else ""
+            found = [{key: getattr(one, key) for key in keys} for one in (there.found if there else ())]
+            could_not = there.could_not if there else ""
             reported.append({**msgspec.structs.asdict(d), "found": found, "could_not": could_not})
         echo_json(reported)
         return

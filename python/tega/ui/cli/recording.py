@@ -198,11 +198,14 @@ def export(
             target = out / path.stem if session.is_dir() else out
             with progress_bar() as progress:
                 made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
+    _echo_paths(made, as_json=as_json)
+
+
+def _echo_paths(made: Sequence[Path], *, as_json: bool) -> None:
     if as_json:
         echo_json([str(path) for path in made])
-        return
-    for path in made:
-        click.echo(path)
+    else:
+        click.echo("\n".join(map(str, made)))
 
 
 @click.command(
@@ -239,15 +242,12 @@ def trim(
     from tega.recording.trim import trim_session
 
     if out is None:
-        end = "end" if to_s is None else f"{to_s:g}s"
-        name = session.resolve()
-        named = name.name if name.is_dir() else f"{name.parent.name}-{name.stem}"
-        out = (name.parent if name.is_dir() else name.parent.parent) / f"{named}-{from_s:g}s-{end}"
-    made = trim_session(session, from_s=from_s, to_s=to_s, out=out, lead_in=not no_lead_in)
-    if as_json:
-        echo_json([str(made)])
-        return
-    click.echo(made)
+        end, place = "end" if to_s is None else f"{to_s:g}s", session.resolve()
+        folder, part = (place, "") if place.is_dir() else (place.parent, f"-{place.stem}")
+        out = folder.parent / f"{folder.name}{part}-{from_s:g}s-{end}"
+    _echo_paths(
+        [trim_session(session, from_s=from_s, to_s=to_s, out=out, lead_in=not no_lead_in)], as_json=as_json
+    )
 
 
 @click.command(
@@ -264,12 +264,7 @@ def merge(*, sessions: tuple[Path, ...], out: Path, as_json: bool) -> None:
     """
     from tega.recording.remake import merge_sessions
 
-    made = merge_sessions(list(sessions), out=out)
-    if as_json:
-        echo_json([str(path) for path in made])
-        return
-    for path in made:
-        click.echo(path)
+    _echo_paths(merge_sessions(list(sessions), out=out), as_json=as_json)
 
 
 @click.command(
@@ -325,10 +320,8 @@ def annotate(
     if as_json:
         echo_json([{"rater": one, **event._asdict()} for one, event in rows])
         return
-    for one, event in rows:
-        click.echo(_line(one, event))
-    if not rows:
-        click.echo("no annotations; code some with: tega-teleop play --view --rater ID")
+    lines = [_line(one, event) for one, event in rows]
+    click.echo("\n".join(lines) or "no annotations; code some with: tega-teleop play --view --rater ID")
 
 
 def _line(rater: str, event: CodedEvent) -> str:

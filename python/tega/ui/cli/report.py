@@ -79,15 +79,13 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         table = figures_table(["finger", "source"], ["frames", "Hz", "CCI max", "EDA max"], "touch")
         table.add_column("baseline")
         for finger, f in summary["tactile"].items():
-            table.add_row(
-                finger,
-                f["source"],
+            baseline = "estimated" if f["baseline"].startswith("estimated") else f["baseline"]
+            figures = (
                 str(f["frames"]),
                 number_text(f["rate_hz"] or 0),
-                _short(f["cci_max"]),
-                _short(f["eda_max"]),
-                "estimated" if f["baseline"].startswith("estimated") else f["baseline"],
+                *map(_short, (f["cci_max"], f["eda_max"])),
             )
+            table.add_row(finger, f["source"], *figures, baseline)
         out.print(table)
     if (emg := summary["emg"]) is not None:
         rate_hz, levels = number_text(emg["rate_hz"]), summary["hand"]["level_s"]
@@ -142,12 +140,8 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
         out.print(table)
     if "motor_onset" in summary:
         motor = summary["motor_onset"]
-        out.print(
-            "motor onset: not measured, so the latency ends at the vest's transport (tega-teleop vest onset)"
-            if motor is None
-            else motor["said"],
-            markup=False,
-        )
+        unknown = "not measured, so the latency ends at the vest's transport (tega-teleop vest onset)"
+        out.print(f"motor onset: {unknown}" if motor is None else motor["said"], markup=False)
 
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
@@ -156,9 +150,8 @@ def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
     for path, stages in latency_ms.items():
         table = figures_table(["stage"], ["n", "p50", "p95", "p99", "worst"], titles[path])
         for stage, spread in stages.items():
-            figures = (
-                f"{spread[name]:.2f}" if name in spread else "-" for name in ("p50", "p95", "p99", "worst")
-            )
+            names = ("p50", "p95", "p99", "worst")
+            figures = (f"{spread[name]:.2f}" if name in spread else "-" for name in names)
             table.add_row(stage, str(spread["n"]), *figures)
         yield table
 

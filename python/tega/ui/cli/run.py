@@ -71,7 +71,7 @@ class TerminalDisplay:
     def close(self) -> None:
         """Give the screen back."""
         self._waiting.close()
-        self._view.__exit__(None, None, None)
+        self._view.__exit__()
 
     def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
         self._newest = (*given, time.monotonic() - self._waiting.waited_s)

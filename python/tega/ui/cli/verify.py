@@ -121,13 +121,9 @@ def _show(replay: Replay) -> None:
 
 def _kept(replay: Replay) -> dict[str, str]:
     """Return why contacts and levels, where there are any, were taken as recorded; ``""`` where computed."""
-    found = {}
-    for s in replay.streams:
-        if s.stream.endswith("/contact"):
-            found["contacts"] = s.as_recorded
-        elif s.stream == "/emg/levels":
-            found["levels"] = s.as_recorded
-    return found
+    names = {"contact": "contacts", "levels": "levels"}  # /tactile/FINGER/contact and /emg/levels
+    kept = ((s.stream.rpartition("/")[2], s.as_recorded) for s in replay.streams)
+    return {names[last]: why for last, why in kept if last in names}
 
 
 def _inputs(replay: Replay) -> str:
