@@ -113,10 +113,9 @@ def pytest_collection(session: pytest.Session) -> Generator[None, object, object
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Let a test be asked once more where it fails and a marker says why; few may be."""
-    again = [item for item in items if item.get_closest_marker("asked_again")]
-    for item in again:
-        marker = item.get_closest_marker("asked_again")
-        if marker is None or len(marker.args) != 1 or not isinstance(marker.args[0], str):
+    again = [(item, marker) for item in items if (marker := item.get_closest_marker("asked_again"))]
+    for item, marker in again:
+        if len(marker.args) != 1 or not isinstance(marker.args[0], str):
             raise pytest.UsageError(f"{item.nodeid}: asked_again takes one argument, the reason")
         item.add_marker(pytest.mark.flaky(reruns=1))
     if len(again) > MOST_ASKED_AGAIN:
@@ -125,24 +124,21 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: (FIRST.index(item.path.name) if item.path.name in FIRST else last, item.path))
 
 
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Count a skipped test as failed where nothing may be skipped."""
-    report = yield
-    if report.skipped and not hasattr(report, "wasxfail") and item.config.getoption("no_skip"):
+def _not_skipped(report: Any, config: pytest.Config) -> Any:
+    """Count what is skipped as failed where nothing may be."""
+    if report.skipped and not hasattr(report, "wasxfail") and config.getoption("no_skip"):
         report.outcome, report.longrepr = "failed", f"--no-skip: {report.longrepr}"
     return report
 
 
 @pytest.hookimpl(wrapper=True)
-def pytest_make_collect_report(
-    collector: pytest.Collector,
-) -> Generator[None, pytest.CollectReport, pytest.CollectReport]:
-    """Count a skipped file as failed where nothing may be skipped."""
-    report = yield
-    if report.skipped and collector.config.getoption("no_skip"):
-        report.outcome, report.longrepr = "failed", f"--no-skip: {report.longrepr}"
-    return report
+def pytest_runtest_makereport(item: pytest.Item) -> Generator[None, Any, Any]:
+    return _not_skipped((yield), item.config)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_make_collect_report(collector: pytest.Collector) -> Generator[None, Any, Any]:
+    return _not_skipped((yield), collector.config)
 
 
 @pytest.hookimpl(wrapper=True, tryfirst=True)

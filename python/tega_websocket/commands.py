@@ -52,13 +52,17 @@ class Commands:
         label = f"a {peer}"
         self._source = FarMuscles(name, label, f"levels are asked for by {label}")
         self.tracker = None if arm is None else FarTracker(arm, name, label)
+        self.n = 0
+        self.refused: dict[str, int] = {}
+        self._forget()
+
+    def _forget(self) -> None:
         self._leader: int | None = None
         self._last_ns = {"hand": 0, "arm": 0}
         self._newest_ns = {"hand": -1, "arm": -1}
+        # The next client has to press the clutch itself.
         self._switches: Arm | None = None
         self._clutch_was_open = False
-        self.n = 0
-        self.refused: dict[str, int] = {}
 
     # The run's side.
 
@@ -181,11 +185,7 @@ class Commands:
         with self._lock:
             if self._leader != client:
                 return
-            self._leader = None
-            self._last_ns = {"hand": 0, "arm": 0}
-            self._newest_ns = {"hand": -1, "arm": -1}
-            # The next client has to press the clutch itself.
-            self._switches, self._clutch_was_open = None, False
+            self._forget()
             if self.tracker is not None:
                 self.tracker.forget()
 

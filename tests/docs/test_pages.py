@@ -75,9 +75,8 @@ def test_every_option_that_a_page_shows_exists(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_every_extra_that_a_page_installs_exists(page: Path) -> None:
     project = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    for place, extras in re.findall(
-        r"pip install (?:-e )?'([\w.]+)\[([\w,-]+)\]'", page.read_text(encoding="utf-8")
-    ):
+    pattern = r"pip install (?:-e )?'([\w.]+)\[([\w,-]+)\]'"
+    for place, extras in re.findall(pattern, page.read_text(encoding="utf-8")):
         assert place == ".", f"{page.name}: there is no package {place} on an index; install '.[{extras}]'"
         assert set(extras.split(",")) <= set(project["optional-dependencies"])
 
@@ -106,10 +105,8 @@ def names_in(name: str) -> set[str] | None:
 
 @pytest.mark.parametrize("path", [*PAGES, *SCRIPTS], ids=lambda path: path.relative_to(PROJECT).as_posix())
 def test_every_test_that_is_named_exists(path: Path) -> None:
-    named = re.findall(
-        r"(?<![\w/])((?:tests/)?(?:[a-z_]+/)*test_\w+\.py)(?:::(test_\w+))?", path.read_text("utf-8")
-    )
-    for file, test in named:
+    pattern = r"(?<![\w/])((?:tests/)?(?:[a-z_]+/)*test_\w+\.py)(?:::(test_\w+))?"
+    for file, test in re.findall(pattern, path.read_text("utf-8")):
         found = names_in(file)
         assert found is not None, file
         assert not test or test in found, f"{file}::{test}"

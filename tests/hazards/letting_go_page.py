@@ -32,11 +32,7 @@ def _text(cell: Cell, seen: Seen) -> str:
 
 def read_page() -> dict[Cell, str]:
     """Return the text of each cell of the page's table."""
-    text = (
-        PAGE.read_text(encoding="utf-8")
-        .split(f"<!-- {_NAME}: begin -->")[1]
-        .split(f"<!-- {_NAME}: end -->")[0]
-    )
+    text = PAGE.read_text("utf-8").split(f"<!-- {_NAME}: begin -->")[1].split(f"<!-- {_NAME}: end -->")[0]
     rows = [line for line in text.splitlines() if line.startswith("| ")]
     texts = [text.strip() for row in rows[1:] for text in row.strip("|").split("|")[2:]]
     cells = [Cell(*row, event) for row in _rows() for event in EVENTS]

@@ -61,14 +61,8 @@ class _Run:
                 if n:
                     stamps[name], counts[name] = round(n * period_ms * MS), n
             if self.guard.due(t_ns, self.late_ns):
-                self.guard.check(
-                    t_ns,
-                    late_ns=self.late_ns,
-                    stamps=stamps,
-                    counts=counts,
-                    unvoted=self.unvoted,
-                    released=self.released,
-                )
+                seen: dict[str, Any] = {"late_ns": self.late_ns, "stamps": stamps, "counts": counts}
+                self.guard.check(t_ns, **seen, unvoted=self.unvoted, released=self.released)
         return self.t_ms - began_ms
 
     def held(self) -> float:
@@ -180,12 +174,8 @@ def test_a_page_without_news_says_so_after_a_second_and_a_half() -> None:
     server = pytest.importorskip("tega.ui.view.browser.server")
     reported_s: list[float] = []
     page = SimpleNamespace(paint_state=lambda _loop, *, age_s, **_words: reported_s.append(age_s))
-    view = SimpleNamespace(
-        _newest=(10.0, SimpleNamespace(loop=None)),
-        _reported_age_s=0.0,
-        page=page,
-        problem="",
-    )
+    newest = 10.0, SimpleNamespace(loop=None)
+    view = SimpleNamespace(_newest=newest, _reported_age_s=0.0, page=page, problem="")
     for tenth in range(31):
         server.BrowserView._report_age(view, 10.0 + tenth / 10)
     assert reported_s[0] == pytest.approx(1.5, abs=0.11)

@@ -74,16 +74,9 @@ class ChannelVotes:
         return self._hop - self._n % self._hop
 
     def take(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Judge the next samples.
+        """Judge the next samples, float64 (n, channels), NaN where they are missing; they are not written into.
 
-        Args:
-            samples: float64 (n, channels), NaN where samples are missing; they are not written into.
-
-        Returns:
-            The same, infinite from the end of the hop on at which a channel was found at fault.
-
-        Raises:
-            ShapeError: The samples have another number of channels.
+        They are returned, infinite from the end of the hop on at which a channel was found at fault.
         """
         if samples.shape[1:] != self._maxima.shape:
             raise ShapeError(f"samples have shape {samples.shape}, expected (n, {len(self._names)})")

@@ -28,17 +28,7 @@ _TINY: Final = Decimal(float(np.finfo(np.float64).tiny))
 
 @dataclass
 class Extreme:
-    """One line of the table.
-
-    Attributes:
-        group: Which kernel it is about.
-        name: Short, and unique within the group.
-        done: What is done, and what else has to be true.
-        bound: Largest error that passes.
-        error_of: What the error is a share or a number of.
-        found: The errors that were found.
-        notes: What else is told of it.
-    """
+    """One line of the table; ``done`` is what is done and has to be true, ``error_of`` what the error is a share of."""
 
     group: Group
     name: str
@@ -79,11 +69,7 @@ def short(value: float) -> str:
 
 
 def extremes_table() -> str:
-    """Return the table of the page.
-
-    Raises:
-        ValueError: A line was not tried.
-    """
+    """Return the table of the page; ``ValueError`` where a line was not tried."""
     if untried := [one.name for one in EXTREMES if not one.found]:
         raise ValueError(f"not tried: {untried}")
     rows = [

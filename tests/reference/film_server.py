@@ -32,11 +32,9 @@ _SERVER: Final = Path(__file__).with_name("rtsp_server.py")
 
 
 class FilmServer:
-    """Serves numbered pictures on a port of this machine while the block runs.
+    """Serves numbered pictures on a port of this machine, 0 for any, while the block runs.
 
-    Args:
-        port: The port; 0 for any.
-        ready: So many pictures are sent at once, as by a sender that has kept them.
+    ``ready`` pictures are sent at once, as by a sender that has kept them.
     """
 
     def __init__(self, port: int = 0, *, ready: int = 0) -> None:
@@ -82,11 +80,8 @@ class FilmServer:
 
 def has_rtsp_server() -> bool:
     """Whether GStreamer's RTSP server is installed."""
-    requested = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
-    return (
-        Path(_SYSTEM_PYTHON).exists()
-        and not subprocess.run(requested, capture_output=True, check=False).returncode
-    )
+    words = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
+    return Path(words[0]).exists() and not subprocess.run(words, capture_output=True, check=False).returncode
 
 
 def numbered_film(path: Path, n: int = 1200) -> Path:
@@ -104,12 +99,7 @@ def numbered_film(path: Path, n: int = 1200) -> Path:
 
 
 class RtspServer:
-    """Serves a film by GStreamer's RTSP server, in a process of its own, while the block runs.
-
-    Args:
-        film: The film, H.264 in MP4.
-        port: The port; 0 for any.
-    """
+    """Serves a film, H.264 in MP4, by GStreamer's RTSP server in a process of its own while the block runs."""
 
     def __init__(self, film: Path, port: int = 0) -> None:
         if not port:

@@ -44,19 +44,10 @@ class Moments:
             for snapshot in range(6):  # one picture, until the memory has settled
                 contact = metric.update(frame, snapshot * 16_666_667)
             picture = TouchImage(frame, contact, metric.touch_map())
-            cci, eda = (
-                (min(contact.cci / 4, 1.0), min(contact.eda / 20_000, 1.0))
-                if contact.in_contact
-                else (0.0, 0.0)
-            )
-            contacts[finger] = replace(
-                contact,
-                t_ns=round(t_s * 1e9),
-                cci_norm=cci,
-                eda_norm=eda,
-                front=intensity(cci, 1.0),
-                back=intensity(eda, 1.0),
-            )
+            touches = contact.in_contact
+            cci, eda = touches * min(contact.cci / 4, 1.0), touches * min(contact.eda / 20_000, 1.0)
+            columns = {"front": intensity(cci, 1.0), "back": intensity(eda, 1.0)}
+            contacts[finger] = replace(contact, t_ns=round(t_s * 1e9), cci_norm=cci, eda_norm=eda, **columns)
             pictures[finger] = picture
         n = round(t_s * RATE_HZ)
         level = 1 + min(4, int(squeeze * 5))
@@ -64,17 +55,13 @@ class Moments:
             t_ns=round(t_s * 1e9),
             contacts=contacts,
             vest=vest_frame(
-                [one.front for one in contacts.values()],
-                [one.back for one in contacts.values()],
-                layout="x40",
+                [c.front for c in contacts.values()], [c.back for c in contacts.values()], layout="x40"
             ),
             intent=Intent(t_ns=round(t_s * 1e9), channels=(level, level, max(level - 1, 1)), level=level),
             angles_rad=None,
             counts={
-                "touch": round(60 * t_s),
-                "levels": round(10 * t_s),
-                "hand": round(333 * t_s),
-                "vest": round(30 * t_s),
+                name: round(hz * t_s)
+                for name, hz in (("touch", 60), ("levels", 10), ("hand", 333), ("vest", 30))
             },
         )
         return ViewState(

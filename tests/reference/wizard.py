@@ -29,10 +29,8 @@ Answer = Callable[[str], str | None]
 class Wizard:
     """``tega-teleop …`` with pipes for a terminal.
 
-    Args:
-        words: The command's words.
-        answer: Given each prompt (``> …`` or ``? …``); returns what to type, or ``None`` to go away.
-        received: Given every line, to act on it.
+    ``answer`` is given each prompt (``> …`` or ``? …``) and returns what to type, or ``None`` to go away; ``received``
+    is given every line, to act on it.
     """
 
     def __init__(
@@ -41,17 +39,9 @@ class Wizard:
         self.lines: list[str] = []
         self.code: int | None = None
         self.out = ""
-        self._answer = answer
-        self._received = received
-        command = [sys.executable, "-m", "tega.ui.cli", *words]
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-            bufsize=1,
-        )
+        self._answer, self._received = answer, received
+        command, pipe = [sys.executable, "-m", "tega.ui.cli", *words], subprocess.PIPE
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, bufsize=1)
 
     def run(self) -> int:
         """Talk until it ends; return its exit code."""
@@ -105,32 +95,25 @@ class Wizard:
 class OnScreen:
     """``tega-teleop …`` on a pseudo-terminal: reads what is drawn, types what a person would.
 
-    A single key is pressed once for each question that appears, as soon as it stands on the screen.
-
-    Args:
-        words: The command's words.
-        answer: Given each prompt as :class:`Wizard` has them, returns what to type.
+    A single key is pressed once for each question that appears, as soon as it stands on the screen. ``answer`` is
+    given each prompt as :class:`Wizard` has them.
     """
 
-    def __init__(self, words: list[str], answer: Callable[[str], str | None]) -> None:
-        self._words = words
-        self._answer = answer
-        self._text = ""
+    def __init__(self, words: list[str], answer: Answer) -> None:
+        self._words, self._answer = words, answer
+        self._text = self.screen = ""
         self._requested = False
         self.n_keys = 0
-        self.screen = ""
 
     def run(self, limit_s: float) -> int:
         """Sit there until it ends; return its exit code, or -1 where there was nothing to do for so long."""
         ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 40, 88, 0, 0))
-        process = subprocess.Popen(
+        words, env = (
             [sys.executable, "-m", "tega.ui.cli", *self._words],
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
-            env={**os.environ, "TERM": "xterm-256color"},
+            {**os.environ, "TERM": "xterm-256color"},
         )
+        process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, env=env)
         os.close(theirs)
         try:
             until_s, n_keys = time.monotonic() + limit_s, 0

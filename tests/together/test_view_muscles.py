@@ -83,10 +83,8 @@ def test_what_is_told_of_the_muscles_becomes_a_line_each_and_nothing_has_none() 
     assert rows.rows()["adaptation"] == "gains 1.04 · 1.00 (rest)"
     bus.publish(Adaptation(t_ns=0, n_samples=2, why="undone", gains=(1.0, 1.0), offsets=(0.0, 0.0)))
     assert rows.rows()["adaptation"] == "undone"
-    nan, nothing = (
-        math.nan,
-        {"t_ns": 2, "median_hz": (math.nan,) * 2, "slope_percent_per_min": (math.nan,) * 2},
-    )
+    nan = math.nan
+    nothing: dict[str, Any] = {"t_ns": 2, "median_hz": (nan, nan), "slope_percent_per_min": (nan, nan)}
     bus.publish(MuscleCondition(**nothing))
     assert set(rows.rows()) == {"decoder", "adaptation"}
     known: dict[str, Any] = {"median_hz": (81.2, nan), "slope_percent_per_min": (-3.14, nan)}

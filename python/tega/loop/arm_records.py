@@ -6,7 +6,7 @@ import math
 from typing import Any, NamedTuple, cast
 
 import numpy as np
-from msgspec.structs import astuple, replace
+from msgspec.structs import asdict, astuple, replace
 
 from tega.arm.chain import Turn
 from tega.arm.frames import ToBase
@@ -65,16 +65,9 @@ class ArmRecords:
             self._pose(ArmSent, t_ns, _BASE, _numbers(led, self._start_ns))
         if t_ns - self._health_ns >= _HEALTH_NS or self._health_ns < 0:
             self._health_ns = t_ns
-            h = arm.health
-            health = ArmHealth(
-                t_ns=t_ns,
-                rate_hz=h.rate_hz,
-                worst_ms=h.worst_ms,
-                late=h.late,
-                refused=h.refused,
-                success_rate=-1.0 if h.success_rate is None else h.success_rate,
-            )
-            self._bus.publish(health)
+            told = asdict(arm.health)
+            rate = -1.0 if told["success_rate"] is None else told["success_rate"]
+            self._bus.publish(ArmHealth(t_ns=t_ns, **(told | {"success_rate": rate})))
 
     def _pose(self, kind: type[PoseRecord], t_ns: int, frame: str, pose: PoseNumbers) -> None:
         if len(pose.position) == 3 and len(pose.quaternion) == 4:

@@ -191,15 +191,7 @@ class ChannelAdaptation:
         if seen == self._seen:
             return
         before, self._seen = self._seen, seen
-        self._notify(
-            AdaptationSwitch(
-                t_ns=t_ns,
-                n_samples=self._n_samples,
-                allowed=seen.allowed,
-                target=seen.target,
-                n_undone=seen.n_undone,
-            )
-        )
+        self._notify(AdaptationSwitch(t_ns=t_ns, n_samples=self._n_samples, **seen._asdict()))
         self._amplitude.forget()
         if seen.target != before.target:
             self._n_since_target = 0
@@ -278,15 +270,8 @@ class ChannelAdaptation:
         return True
 
     def _reported(self, why: str, t_ns: int) -> None:
-        self._notify(
-            Adaptation(
-                t_ns=t_ns,
-                n_samples=self._n_samples,
-                why=why,
-                gains=tuple(self.gains.tolist()),
-                offsets=tuple(self.offsets.tolist()),
-            )
-        )
+        gains, offsets = tuple(self.gains.tolist()), tuple(self.offsets.tolist())
+        self._notify(Adaptation(t_ns=t_ns, n_samples=self._n_samples, why=why, gains=gains, offsets=offsets))
 
 
 def read_switches(recorded: Sequence[AdaptationSwitch]) -> Callable[[int], Switches]:

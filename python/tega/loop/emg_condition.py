@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from typing import Final
 
@@ -188,35 +188,27 @@ def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
     return found
 
 
-class MuscleAlert:
-    """Publishes the condition of the muscles from the samples on the bus.
-
-    The samples wait in ``backlog``, so that no spectrum delays a source; with ``None`` they are processed at
-    once. ``said`` is the current alert; ``""`` for none.
-    """
-
-    def __init__(self, maxima: EmgMaxima, bus: Bus, backlog: Backlog | None = None) -> None:
-        self._watch, self._bus, self.said = ConditionWatch(maxima), bus, ""
-        bus.subscribe(EmgSamples, self._take, name="condition of the muscles", backlog=backlog)
-
-    def _take(self, given: EmgSamples) -> None:
-        for condition in self._watch.take(chunk_of(given)):
-            self.said = f"emg: {condition.said}" if condition.said else ""
-            self._bus.publish(condition)
-
-
 def open_condition(
     stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus
-) -> MuscleAlert | None:
-    """Watch the muscles of a run; ``None`` where their samples are decoded somewhere else.
+) -> Callable[[], str]:
+    """Watch the muscles of a run, unless their samples are decoded somewhere else; return what tells the alert.
 
-    Where time is real this is done in a thread, which the stack ends. The condition is published on the bus.
+    Where time is real this is done in a thread, which the stack ends, so that no spectrum delays a source. The
+    condition is published on the bus.
     """
-    muscles = prepared.muscles
+    said, muscles, backlog = "", prepared.muscles, None
     if muscles is None or muscles.decoder is None:
-        return None
-    backlog = None
+        return lambda: ""
+    watch = ConditionWatch(muscles.maxima)
+
+    def take(given: EmgSamples) -> None:
+        nonlocal said
+        for condition in watch.take(chunk_of(given)):
+            said = f"emg: {condition.said}" if condition.said else ""
+            bus.publish(condition)
+
     if config.session.pace == "real":
         backlog = Backlog("condition", most=_MOST_CHUNKS, rank=run_realtime("beside"))
         stack.callback(backlog.close)
-    return MuscleAlert(muscles.maxima, bus, backlog)
+    bus.subscribe(EmgSamples, take, name="condition of the muscles", backlog=backlog)
+    return lambda: said

@@ -8,53 +8,43 @@ from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
 
-from tega.config.motor_onset import MotorOnset
+from tega.config.motor_onset import motor_onset
 from tega.devices.base import AnsweringHand, EmgChunk, FeedingSource, StampingVest, TactileFrame, optional
 from tega.loop.adapting import FingerRezero
 from tega.loop.emg_adaptation import ChannelAdaptation
 from tega.loop.inbox.frames import FrameMeter, FrameWatch, fed_contacts, keeps_up, measured_contacts
-from tega.loop.inbox.inputs import Finger, Muscles, Prepared
+from tega.loop.inbox.inputs import Finger, Muscles
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.sources import BlockMeter, grasp_blocks, picture_of, samples_of
 from tega.loop.inbox.stream import LiveStream, PulledStream, Stream
 from tega.loop.joint_motion import JointMotion
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import Pacer
-from tega.loop.sinks import Sinks
+from tega.loop.rig import Rig
 from tega.loop.touching import RecordedFingers, Touching
 from tega.records import Contact, EmgSamples, Intent, Picture
 from tega.records.bus import Bus
 from tega.runtime.threads import Bell, Rank
-from tega.safety.states import SafetySection
 from tega.stages.base import MeasuredPicture, Metric
 
 
-def latency_trace(
-    prepared: Prepared,
-    sinks: Sinks,
-    pacer: Pacer,
-    *,
-    start_ns: int,
-    safety: SafetySection,
-    steady: bool,
-    motor: MotorOnset | None,
-    bus: Bus,
-) -> LatencyTrace | None:
+def latency_trace(rig: Rig, pacer: Pacer, *, start_ns: int, steady: bool) -> LatencyTrace | None:
     """Make the trace of frames and blocks through the loop, where there is something live to follow."""
-    if not any(source.info.live for source in prepared.sources):
+    config, bus = rig.config, rig.bus
+    if not any(source.info.live for source in rig.prepared.sources):
         return None
-    hand = sinks.steered
+    hand = rig.sinks.steered
     answering = hand if isinstance(hand, AnsweringHand) else None
     trace = LatencyTrace(
         now_ns=pacer.elapsed_ns,
         start_ns=start_ns,
-        budget_ms=safety.latency_budget_ms,
-        joint_budget_ms=safety.joint_budget_ms,
+        budget_ms=config.safety.latency_budget_ms,
+        joint_budget_ms=config.safety.joint_budget_ms,
         steady=steady,
-        vests=[vest for vest in sinks.live_vests if isinstance(vest, StampingVest)],
+        vests=[vest for vest in rig.sinks.live_vests if isinstance(vest, StampingVest)],
         answered_ns=None if answering is None else answering.answered_ns,
         joints=None if answering is None else JointMotion(lambda: answering.angles_rad),
-        motor=motor,
+        motor=motor_onset(config),
         bus=bus,
     )
     bus.subscribe(Contact, lambda contact: trace.taken(contact.finger, contact.t_ns), vital=True)

@@ -14,7 +14,7 @@ from tega.errors import ConfigError
 from tega.loop.arm import Steering, open_arm
 from tega.loop.beside import open_beside
 from tega.loop.controls import Controls
-from tega.loop.emg_condition import MuscleAlert, open_condition
+from tega.loop.emg_condition import open_condition
 from tega.loop.inbox.inputs import Inputs, Prepared
 from tega.loop.opening import Opening
 from tega.loop.pacing import refuse_live
@@ -60,7 +60,7 @@ def watch_over(
     *,
     controls: Controls,
     steering: Steering | None,
-    condition: MuscleAlert | None = None,
+    condition: Callable[[], str],
 ) -> Guard:
     """Make the guard of the live devices; recordings cannot be lost and need none.
 
@@ -77,9 +77,7 @@ def watch_over(
         # What the driver finds in the newest second of the signal, and channels without a vote.
         alerts["signal"] = lambda: _faults("", optional(m.source, "faults"))
         alerts["votes"] = lambda: _faults("no vote for ", m.report.faults)
-    if condition is not None:
-        alerts["muscles"] = lambda: condition.said
-
+    alerts["muscles"] = condition
     needs: dict[str, Callable[[], str]] = {}
     worn = sinks.live_vests
     vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}

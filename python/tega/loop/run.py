@@ -9,7 +9,6 @@ from typing import Any
 
 from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
-from tega.config.motor_onset import motor_onset
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
 from tega.loop.hand import ModelledAllegro
@@ -77,16 +76,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     start_ns = pacer.start()
     trace = None
     if isinstance(clock, SystemClock):
-        trace = latency_trace(
-            prepared,
-            sinks,
-            pacer,
-            start_ns=start_ns,
-            safety=config.safety,
-            steady=pace == "steady",
-            motor=motor_onset(config),
-            bus=rig.bus,
-        )
+        trace = latency_trace(rig, pacer, start_ns=start_ns, steady=pace == "steady")
     _publish_states(rig.bus, pacer, guard, trace)
     run = run._replace(start_ns=start_ns, now_ns=clock.now_ns(), trace=trace)
     for part in rig.parts:

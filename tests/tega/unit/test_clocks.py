@@ -35,12 +35,18 @@ class CountingBell:
         self.n_rung += 1
 
 
-@given(st.integers(0, 50 * MS), st.integers(1, 100 * MS))
-def test_the_bell_is_waited_for_up_to_the_deadline_and_no_longer(elapsed_ns: int, left_ns: int) -> None:
+def paced(rings_after_ns: int | None) -> tuple[Pacer, ManualClock, Any]:
+    """Return a pacer that has begun, its clock and its bell."""
     clock = ManualClock()
-    bell: Any = CountingBell(clock, None)
+    bell: Any = CountingBell(clock, rings_after_ns)
     pacer = Pacer(clock, bell=bell)
     pacer.start()
+    return pacer, clock, bell
+
+
+@given(st.integers(0, 50 * MS), st.integers(1, 100 * MS))
+def test_the_bell_is_waited_for_up_to_the_deadline_and_no_longer(elapsed_ns: int, left_ns: int) -> None:
+    pacer, clock, bell = paced(None)
     clock.sleep_until(clock.now_ns() + elapsed_ns)
     assert pacer.doze(elapsed_ns + left_ns) == elapsed_ns + left_ns
     (waited_s,) = bell.waits_s
@@ -51,10 +57,7 @@ def test_the_bell_is_waited_for_up_to_the_deadline_and_no_longer(elapsed_ns: int
 def test_a_ring_before_the_deadline_is_a_turn_of_its_own_and_a_late_one_is_kept(
     rings_ns: int, due_ns: int
 ) -> None:
-    clock = ManualClock()
-    bell: Any = CountingBell(clock, rings_ns)
-    pacer = Pacer(clock, bell=bell)
-    pacer.start()
+    pacer, _, bell = paced(rings_ns)
     woken_ns = pacer.doze(due_ns)
     if rings_ns < due_ns:
         assert (woken_ns, pacer.tick_ns, bell.n_rung) == (rings_ns, rings_ns, 0)

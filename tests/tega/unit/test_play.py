@@ -91,7 +91,9 @@ def test_input_is_counted_without_the_lead(played: Any, capsys: pytest.CaptureFi
     length_s = summary["duration_s"]
     ahead = {"duration_s": length_s + 40.0, "played": summary["played"] | {"lead_s": 40.0}}
     print_summary(summary | ahead, measured={"wall_s": 1.0, "real_time_factor": 1.0})
-    assert f"{length_s:.2f} s of input" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert f"{length_s:.2f} s of input" in printed
+    assert "times real time" in printed
 
 
 def test_of_guests_those_that_say_so_join_a_played_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,20 +23,17 @@ EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
 # The summaries stand here so that `--help` imports no verb.
 _BY_GROUP = {
     "Start": {
-        "run": ("tega.ui.cli.run:run", "Run a session on the devices of a settings file."),
-        "replay": ("tega.ui.cli.replay:replay", "Run the loop on pictures and EMG from files; write tables."),
-        "verify": ("tega.ui.cli.verify:verify", "Re-run a recording and check that the output is identical."),
-        "play": ("tega.ui.cli.play:play", "Play a recording on the vest and the hand."),
+        "run": (".run:run", "Run a session on the devices of a settings file."),
+        "replay": (".replay:replay", "Run the loop on pictures and EMG from files; write tables."),
+        "verify": (".verify:verify", "Re-run a recording and check that the output is identical."),
+        "play": (".play:play", "Play a recording on the vest and the hand."),
     },
     "Prepare": {
-        "init": ("tega.ui.cli.init:init", "Write a settings file for the devices that are plugged in."),
-        "doctor": ("tega.ui.cli.doctor:doctor", "Check the devices; print each problem with its fix."),
-        "calibrate": (
-            "tega.ui.cli.calibrate:calibrate",
-            "Calibrate fingertips, muscles and vest for a person.",
-        ),
-        "stages": ("tega.ui.cli.lists:stages", "List metrics, decoders, mappings and layouts."),
-        "devices": ("tega.ui.cli.lists:devices", "List the drivers, and the devices that they see."),
+        "init": (".init:init", "Write a settings file for the devices that are plugged in."),
+        "doctor": (".doctor:doctor", "Check the devices; print each problem with its fix."),
+        "calibrate": (".calibrate:calibrate", "Calibrate fingertips, muscles and vest for a person."),
+        "stages": (".lists:stages", "List metrics, decoders, mappings and layouts."),
+        "devices": (".lists:devices", "List the drivers, and the devices that they see."),
     },
     "Examine": {
         "audit": (
@@ -50,18 +47,12 @@ _BY_GROUP = {
         ),
     },
     "Groups": {
-        "recording": ("tega.ui.cli.recording:recording", "Inspect, export, trim and merge recordings."),
-        "emg": ("tega.ui.cli.emg:emg", "Fit a decoder to a person; compare and score decoders."),
-        "vest": (
-            "tega.ui.cli.vest:vest",
-            "Switch motors on one at a time; measure how long they take to start.",
-        ),
-        "hand": ("tega.ui.cli.hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
-        "arm": (
-            "tega.ui.cli.arm:arm",
-            "Check a Franka robot; align the forearm's tracker with the operator.",
-        ),
-        "config": ("tega.ui.cli.config:config", "Show or check a settings file."),
+        "recording": (".recording:recording", "Inspect, export, trim and merge recordings."),
+        "emg": (".emg:emg", "Fit a decoder to a person; compare and score decoders."),
+        "vest": (".vest:vest", "Switch motors on one at a time; measure how long they take to start."),
+        "hand": (".hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
+        "arm": (".arm:arm", "Check a Franka robot; align the forearm's tracker with the operator."),
+        "config": (".config:config", "Show or check a settings file."),
     },
 }
 _VERBS = {
@@ -69,7 +60,6 @@ _VERBS = {
     for group, verbs in _BY_GROUP.items()
     for name, (target, summary) in verbs.items()
 }
-
 # What a verb was called before: it runs, and says what it is called now.
 _EARLIER = {
     "inspect": "recording inspect",
@@ -95,7 +85,7 @@ class _Verbs(GuestGroup):
             return super().get_command(ctx, cmd_name)
         with needs_tools(f"tega-teleop {cmd_name}"):
             module, _, function = verb.target.partition(":")
-            command: click.Command = getattr(importlib.import_module(module), function)
+            command: click.Command = getattr(importlib.import_module(module, "tega.ui.cli"), function)
         return command
 
     def resolve_command(

@@ -142,28 +142,19 @@ def play(
         bus = Bus()
         if display is not None:
             display.watch(bus)
+        how: dict[str, Any] = {"progress": progress, "bus": bus}
         if view:
-            summary = run_viewed(
-                config,
-                title=f"TEGA · {file.name}",
-                port=view_port,
-                run=played,
-                progress=progress,
-                stop=stop,
-                bus=bus,
-                playhead=playhead,
-                annotate=annotate,
-            )
+            how |= {"title": f"TEGA · {file.name}", "port": view_port, "run": played}
+            summary = run_viewed(config, stop=stop, playhead=playhead, annotate=annotate, **how)
         else:
-            summary = played(config, progress=progress, controls=Controls(stop=stop), bus=bus)
+            summary = played(config, controls=Controls(stop=stop), **how)
     if as_json:
         echo_json(summary)
     else:
-        wall_s = time.perf_counter() - started
+        wall_s, run = time.perf_counter() - started, summary["played"]
         print_summary(
             summary, measured={"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
         )
-        how = summary["played"]
-        click.echo(f"played {how['file']} at speed {how['speed']} from its {how['from']}")
+        click.echo(f"played {run['file']} at speed {run['speed']} from its {run['from']}")
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt

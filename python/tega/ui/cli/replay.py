@@ -130,18 +130,12 @@ def replay(
     started = time.perf_counter()
     bus.subscribe(Notice, lambda notice: click.echo(notice.text, err=True), name="notices")
     with CtrlC() as stop, progress_bar(enabled=not as_json) as progress:
+        how: dict[str, Any] = {"progress": progress, "bus": bus}
         if view:
-            summary = run_viewed(
-                settings,
-                title="TEGA · replay",
-                port=view_port,
-                progress=progress,
-                stop=stop,
-                can_pause=True,
-                bus=bus,
-            )
+            how |= {"title": "TEGA · replay", "port": view_port, "can_pause": True}
+            summary = run_viewed(settings, stop=stop, **how)
         else:
-            summary = run_session(settings, progress=progress, controls=Controls(stop=stop), bus=bus)
+            summary = run_session(settings, controls=Controls(stop=stop), **how)
     wall_s = time.perf_counter() - started
     findings.notify(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json

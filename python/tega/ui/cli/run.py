@@ -199,16 +199,13 @@ def run_settings(
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
     check(settings)
-    name = shlex.quote(str(config))
-    heading = f"TEGA · {config.name}" + (
-        f" · space or q: stop · {REZERO_KEY}: new baseline" if sys.stdin.isatty() else ""
-    )
+    keys = f" · space or q: stop · {REZERO_KEY}: new baseline" if sys.stdin.isatty() else ""
     started, bus = time.perf_counter(), Bus()
     others = {REZERO_KEY: RezeroKey(bus).press}
     with (
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json, others=others),
-        stage(heading, enabled=not as_json) as (progress, display),
+        stage(f"TEGA · {config.name}{keys}", enabled=not as_json) as (progress, display),
         ExitStack() as displayed,
     ):
 
@@ -220,21 +217,11 @@ def run_settings(
         displayed.enter_context(streamed(bus, streams))
         if display is not None:
             display.watch(bus)
+        how: dict[str, Any] = {"progress": progress, "settings": shlex.quote(str(config)), "bus": bus}
         if view:
+            how |= {"title": f"TEGA · {config.name}", "port": view_port, "wait": wait_for_go}
             opened = open_page if display is None else display.opened
-            summary = run_viewed(
-                settings,
-                title=f"TEGA · {config.name}",
-                port=view_port,
-                progress=progress,
-                stop=stop,
-                settings=name,
-                bus=bus,
-                wait=wait_for_go,
-                opened=opened,
-            )
+            summary = run_viewed(settings, stop=stop, opened=opened, **how)
         else:
-            summary = run_session(
-                settings, progress=progress, controls=Controls(stop=stop), settings=name, bus=bus
-            )
+            summary = run_session(settings, controls=Controls(stop=stop), **how)
     echo_summary(summary, wall_s=time.perf_counter() - started, as_json=as_json)
