@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Protocol
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,6 +13,20 @@ from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
 
 # The Allegro v4 reports its joints every 3 ms and wants one torque set for each.
 HAND_TICK_NS = 3_000_000
+
+
+class Hand(Protocol):
+    """Turns levels into frames for a hand, tick by tick, as :class:`tega.devices.base.SteeredHand` does."""
+
+    @property
+    def angles_rad(self) -> NDArray[np.float64]:
+        """The hand's joint angles as last known, float64 (16,), in radians."""
+
+    def step(self, level: float, added: float = 0.0) -> Sequence[CanFrame]:
+        """Advance by one tick of 3 ms; ``added``, levels of the reflex, 0 to 1, is removed as soon as it is 0."""
+
+    def limp(self) -> Sequence[CanFrame]:
+        """Return the frames that leave the hand without force."""
 
 
 class ModelledAllegro:

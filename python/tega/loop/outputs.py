@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 from tega import records
-from tega.devices.base import SteeredHand, VestSink, optional
+from tega.devices.base import VestSink, optional
 from tega.hand import split_level
 from tega.haptics import MotorLevels
-from tega.loop.controls import MotorTests
-from tega.loop.hand import ModelledAllegro
+from tega.loop.hand import Hand
 from tega.loop.latency import LatencyTrace
 from tega.loop.reflex import ReflexArc
 from tega.loop.touch import TouchLoop
@@ -38,7 +37,7 @@ class HandOutput:
 
     def __init__(
         self,
-        model: ModelledAllegro | SteeredHand,
+        model: Hand,
         sinks: Sequence[Sink[Sequence[CanFrame]]] = (),
         *,
         bus: Bus,
@@ -104,6 +103,19 @@ class Sink(Protocol[Sent_contra]):
         ...
 
 
+class MotorTrials(Protocol):
+    """Changes frames on their way to the vest while it is ``active``: motors are tried, or frames are as recorded."""
+
+    @property
+    def active(self) -> bool: ...  # noqa: D102  # above
+
+    def frame(self, t_ns: int, frame: MotorLevels) -> MotorLevels:
+        """Return the frame of a tick, changed."""
+
+    def sent(self, t_ns: int, sent: MotorLevels | None) -> None:
+        """Note the frame that a real vest sent; ``None`` without a vest."""
+
+
 class VestOutput:
     """Makes vest frames and writes them to every vest; ``frame`` is the newest computed, ``None`` before one.
 
@@ -125,7 +137,7 @@ class VestOutput:
         rate_hz: float = 30.0,
         by_frame: bool = False,
         haptics: Callable[[], bool] = lambda: True,
-        tests: MotorTests | None = None,
+        tests: MotorTrials | None = None,
         trace: LatencyTrace | None = None,
     ) -> None:
         self._touch, self._vests, self._live_vests = touch, vests, live_vests

@@ -11,7 +11,7 @@ from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
-from tega.loop.hand import ModelledAllegro
+from tega.loop.hand import Hand, ModelledAllegro
 from tega.loop.hand_poll import open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
@@ -49,7 +49,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
         if any(source.info.live for source in prepared.sources):
             real_time = flows.enter_context(run_realtime("act"))
             flows.enter_context(all_along())
-    model = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
+    model: Hand = sinks.steered or ModelledAllegro(device_id=config.hand.device_id)
     pacer = Pacer(clock, bell=bell)
     run = RunStart(
         config,

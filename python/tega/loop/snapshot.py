@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from tega.devices.base import SteeredHand, optional
+from tega.devices.base import optional
 from tega.haptics import FINGERS, MotorLevels
 from tega.loop.arm_records import ArmView
-from tega.loop.hand import ModelledAllegro
+from tega.loop.hand import Hand
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
@@ -118,7 +118,7 @@ class Moments:
     def __init__(
         self,
         bus: Bus,
-        hand: ModelledAllegro | SteeredHand | None = None,
+        hand: Hand | None = None,
         *,
         inputs: Inputs | None = None,
         guard: Guard | None = None,

@@ -22,10 +22,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.base import SteeredHand
+    from tega.loop.hand import Hand
 
-    def refused(
-        hand: ModelledAllegro, steered: SteeredHand, pose: StampedPose, joints_m: NDArray[np.float64]
-    ) -> None:
+    def refused(hand: Hand, steered: SteeredHand, pose: StampedPose, joints_m: NDArray[np.float64]) -> None:
         """mypy, which `make lint` runs, fails on each of these lines as soon as one of these types is accepted."""
         hand.step(pose)  # type: ignore[arg-type]
         hand.step(joints_m)  # type: ignore[arg-type]

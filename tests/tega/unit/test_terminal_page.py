@@ -23,9 +23,8 @@ from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 def screen(view: LoopView, width: int = 80, **how: Any) -> str:
     """Draw it without colours."""
     file = io.StringIO()
-    Console(file=file, width=width, color_system=None).print(
-        render(view, **({"title": "test", "rates_hz": {}, "width": width} | how))
-    )
+    how = {"title": "test", "rates_hz": {}, "width": width} | how
+    Console(file=file, width=width, color_system=None).print(render(view, **how))
     return file.getvalue()
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -130,13 +131,18 @@ class FineVest(KeptVest):
     in_steps = False
 
 
-def new_frames(vest: KeptVest, *fronts: float) -> list[int]:
+def fronts(first: float, second: float = 0) -> MotorLevels:
+    """Return a frame in which so much of the first two front columns is on."""
+    return vest_frame([first, second, 0, 0], [0, 0, 0, 0], layout="x40")
+
+
+def new_frames(vest: KeptVest, *wanted: float) -> list[int]:
     """Write frames to a vest; return those that its driver saw something new in."""
     new = []
     with vest:
-        for k, front in enumerate(fronts):
+        for k, front in enumerate(wanted):
             before = vest.spared
-            vest.write(k * MS, vest_frame([front, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            vest.write(k * MS, fronts(front))
             if vest.spared == before:
                 new.append(int(front))
     return new
@@ -177,13 +183,8 @@ class Traced:
     ],
 )
 def test_a_frame_is_traced_where_its_vest_shows_a_change(vests: list[Any], changed: list[bool]) -> None:
-    fronts, traced = iter(FRONTS), Traced()
-
-    class Touch:
-        def frame(self, _t_ns: int) -> MotorLevels:
-            return vest_frame([next(fronts), 0, 0, 0], [0, 0, 0, 0], layout="x40")
-
-    touch: Any = Touch()
+    given, traced = iter(FRONTS), Traced()
+    touch: Any = SimpleNamespace(frame=lambda _t_ns: fronts(next(given)))
     trace: Any = traced
     live = [kind(VestOptions()) for kind in vests]
     output = VestOutput(touch, live_vests=live, bus=Bus(), now_ns=lambda: 0, trace=trace)
@@ -201,7 +202,7 @@ def test_a_frame_that_stands_is_renewed_and_what_comes_alike_is_not_sent_beside_
         end_s = time.monotonic() + LONG_S
         n = 0
         while vest.counters.sent < 5:
-            vest.write(n, vest_frame([40 + n % 2, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            vest.write(n, fronts(40 + n % 2))
             n += 1
             assert time.monotonic() < end_s
             time.sleep(0.005)
@@ -229,12 +230,12 @@ def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
     with vest:
         began_s = time.monotonic()
         for k in range(200):
-            vest.write(k, vest_frame([k % 100 + 1, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            vest.write(k, fronts(k % 100 + 1))
             time.sleep(0.002)
         handed: list[tuple[int, int, int]] = []
         end_s = time.monotonic() + LONG_S
         while not handed or handed[-1][0] != 199:
-            vest.write(199, vest_frame([100, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            vest.write(199, fronts(100))
             handed += vest.handed_over()
             assert time.monotonic() < end_s
             time.sleep(0.01)
@@ -273,12 +274,12 @@ def test_a_frame_for_the_player_leaves_in_the_call_that_hands_it_over_unless_the
         for k in range(1, 21):
             time.sleep(0.025)  # longer than the greatest rate asks for
             vest.handed_over()
-            vest.write(k, vest_frame([4 * k, 0, 0, 0], [0, 0, 0, 0], layout="x40"))
+            vest.write(k, fronts(4 * k))
             at_once += [t_ns for t_ns, _, _ in vest.handed_over()] == [k]
         assert at_once >= 10  # the driver's own thread hears the Player between them
         with vest._turn:
             time.sleep(0.025)
             vest.handed_over()
-            vest.write(21, vest_frame([0, 90, 0, 0], [0, 0, 0, 0], layout="x40"))  # returns all the same
+            vest.write(21, fronts(0, 90))  # returns all the same
             assert not vest.handed_over()
         until(lambda: [t_ns for t_ns, _, _ in vest.handed_over()] == [21])

@@ -171,3 +171,9 @@ class LiveStream(Generic[Item]):
                 self._error = None
                 raise error
         return None
+
+    def close(self) -> None:
+        """Discard the remaining items, and accept no more."""
+        with self._lock:
+            self._items.clear()
+            self._stopped = self.ended = True
