@@ -52,8 +52,8 @@ class Made:
         self.now_ns, self.link, self.reported = 0, HandedOver(), list[Latency]()
         bus = Bus()
         bus.subscribe(Latency, self.reported.append)
-        how = {"budget_ms": 5.0, "vests": [self.link], "start_ns": 1000 * MS, "bus": bus} | how
-        self.trace = LatencyTrace(now_ns=lambda: self.now_ns, **how)
+        given: dict[str, Any] = {"budget_ms": 5.0, "vests": [self.link], "start_ns": 1000 * MS, "bus": bus}
+        self.trace = LatencyTrace(now_ns=lambda: self.now_ns, **(given | how))
 
     def item(
         self, name: str, captured_ms: int, received_ms: int, done_ms: int, *, taken: bool = True

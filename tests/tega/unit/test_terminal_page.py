@@ -23,8 +23,8 @@ from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 def screen(view: LoopView, width: int = 80, **how: Any) -> str:
     """Draw it without colours."""
     file = io.StringIO()
-    how = {"title": "test", "rates_hz": {}, "width": width} | how
-    Console(file=file, width=width, color_system=None).print(render(view, **how))
+    given: dict[str, Any] = {"title": "test", "rates_hz": {}, "width": width}
+    Console(file=file, width=width, color_system=None).print(render(view, **(given | how)))
     return file.getvalue()
 
 
