@@ -30,7 +30,17 @@ SLOW = tuple(
 )
 
 
-@pytest.mark.parametrize("hold", HOLDS + SLOW, ids=lambda hold: f"{hold.shape}, {hold.lamp_hz:g} Hz")
+# The edge under either lamp and a bar at every turn; the others, a second each, by make slow.
+OFTEN = (HOLDS[-1], SLOW[0], SLOW[-1])
+EACH = [
+    pytest.param(
+        hold, marks=[] if hold in OFTEN else pytest.mark.slow, id=f"{hold.shape}, {hold.lamp_hz:g} Hz"
+    )
+    for hold in HOLDS + SLOW
+]
+
+
+@pytest.mark.parametrize("hold", EACH)
 def test_bands_of_mains_light_leave_the_area_of_a_hold(
     recordings: Path, monkeypatch: pytest.MonkeyPatch, hold: Case
 ) -> None:
