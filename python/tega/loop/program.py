@@ -77,14 +77,18 @@ class ProgramVest(MotorTests):
     def __init__(self, clock: Clock, *, driver: str | None) -> None:
         super().__init__()
         self._frame, self._driver = Lapsing(clock), driver
-        self.layout = ""
-        """Name of the layout."""
+        self._layout = ""
         self._guard: Guard | None = None
         self._newest: tuple[int, ...] | None = None
 
     def join(self, run: RunStart) -> None:
         """Take note of the run's layout and guard."""
-        self.layout, self._guard = run.layout, run.guard
+        self._layout, self._guard = run.layout, run.guard
+
+    @property
+    def layout(self) -> str:
+        """Name of the layout."""
+        return self._layout
 
     def send(self, intensities: ArrayLike | MotorLevels, *, for_s: float = 0.2) -> None:
         """Have the vest show a frame in the place of touch.
@@ -101,14 +105,14 @@ class ProgramVest(MotorTests):
         if self._driver is None:
             raise DeviceUnavailableError("the session has no vest", "set vest.driver")
         if isinstance(intensities, MotorLevels):
-            if intensities.layout != self.layout:
-                raise InvalidValueError(f"frame of layout {intensities.layout}, not {self.layout}")
+            if intensities.layout != self._layout:
+                raise InvalidValueError(f"frame of layout {intensities.layout}, not {self._layout}")
             numbers = intensities.intensities.astype(np.float64)
         else:
             numbers = np.asarray(intensities, np.float64)
         if not bool(np.all((numbers >= 0) & (numbers <= 100))):
             raise InvalidValueError("intensities are out of range: 0 to 100 percent")
-        self._frame.send(MotorLevels(self.layout, np.rint(numbers).astype(np.uint8)), for_s)
+        self._frame.send(MotorLevels(self._layout, np.rint(numbers).astype(np.uint8)), for_s)
 
     @property
     def active(self) -> bool:
