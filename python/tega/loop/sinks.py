@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from tega.config import SessionConfig
 from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
+from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.hand.link import HandSpoken
 from tega.loop.inbox.inputs import Inputs, Seat
@@ -66,7 +67,10 @@ def open_sinks(
         _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
-            refuse_live(hand.info, config.session.pace)
+            if config.session.pace == "fast":
+                raise ConfigError(
+                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
+                )
             steered = hand
         else:
             hands.append(hand)
@@ -79,11 +83,17 @@ def _listen(hand: Any, bus: Bus) -> None:
         return
 
     def exchanged(spoken: HandSpoken) -> None:
-        level, closure = split_level(spoken.level)
-        received, sent = bus_frames(spoken.received), bus_frames(spoken.out)
-        asked: dict[str, Any] = {"level": level, "closure": closure, "added": spoken.added}
+        whole, closure = split_level(spoken.level)
         bus.publish(
-            HandExchange(t_ns=spoken.t_ns, **asked, received=received, sent=sent, action=spoken.action)
+            HandExchange(
+                t_ns=spoken.t_ns,
+                level=whole,
+                closure=closure,
+                added=spoken.added,
+                received=bus_frames(spoken.received),
+                sent=bus_frames(spoken.out),
+                action=spoken.action,
+            )
         )
 
     hand.on_exchange = exchanged
