@@ -39,6 +39,12 @@ def n_values(features: tuple[str, ...], channels: int) -> int:
     return channels * sum(AR_ORDER if name == "AR" else 1 for name in features)
 
 
+def amplitude_values(features: tuple[str, ...], channels: int) -> NDArray[np.bool_]:
+    """Return which of a block's values are amplitudes, bool ``(values,)``."""
+    widths = [n_values((name,), channels) for name in features]
+    return np.repeat([name in AMPLITUDES for name in features], widths)
+
+
 def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     """Return real samples as float64 ``(n, channels)``; ``None`` takes any number of channels."""
     array = np.asarray(samples)

@@ -15,10 +15,10 @@ from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.stages.base import MuscleSetup
 from tega.stages.registry import stage_class
 from tega_learn.block_features import as_samples
-from tega_learn.judge import DecoderFigures, judge, pearson
+from tega_learn.judge import DecoderFigures, judge
 from tega_learn.learned import LearnedDecoder
 from tega_learn.score import PERCENTILES
-from tega_learn.training import DEFAULT_FEATURES, fit
+from tega_learn.training import fit
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {
     "learned": "ridge",
@@ -74,41 +74,18 @@ def two_halves(log: Log, *, swapped: bool = False) -> tuple[Log, Log]:
     return (second, first) if swapped else (first, second)
 
 
-def best_channels(log: Log, n: int) -> list[int]:
-    """Return the channels most correlated with the target, best first; use it on a training part only."""
-    tau = log.tau
-    k = len(log.samples) // tau
-    blocks = log.samples[: k * tau].reshape(k, tau, -1)
-    amplitude = np.abs(blocks - np.median(log.samples, axis=0)).mean(axis=1)
-    target = log.target[: k * tau].reshape(k, tau).mean(axis=1)
-    fits = np.nan_to_num([abs(pearson(amplitude[:, c], target)) for c in range(amplitude.shape[1])])
-    return sorted(np.argsort(fits)[::-1][:n].tolist())
-
-
-def shifted_electrode(log: Log, *, seed: int = 1, places: int = 1) -> Log:
-    """Return the log as after moving the electrodes: channels rotated, gains drawn at random (0.5 to 2).
-
-    Simulated: a real shift also changes each electrode's crosstalk.
-    """
-    gains = np.exp2(np.random.default_rng(seed).uniform(-1, 1, log.samples.shape[1]))
-    offset = np.median(log.samples, axis=0)
-    moved = np.roll((log.samples - offset) * gains, places, axis=1) + offset
-    return log._replace(name=f"{log.name}, electrodes shifted (simulated)", samples=moved)
-
-
 def compare(
     train: Log,
     judged: Log,
     decoders: Sequence[str],
     *,
-    features: Sequence[str] = (),
     recalibrate_s: float = 0.0,
 ) -> list[DecoderReport]:
     """Calibrate decoders on one log and judge them on another, from a fresh start.
 
-    ``decoders`` are names of :data:`LEARNED`, ``rules``, ``rules-paper`` or any installed decoder's;
-    ``features`` are those of the learned ones, none means the default. The first ``recalibrate_s`` of the
-    judged log put maxima and models to the day, and are not judged. Logs that do not go together are refused.
+    ``decoders`` are names of :data:`LEARNED`, ``rules``, ``rules-paper`` or any installed decoder's. The first
+    ``recalibrate_s`` of the judged log put maxima and models to the day, and are not judged. Logs that do not go
+    together are refused.
     """
     for log in (train, judged):
         as_samples(log.samples, train.samples.shape[1])
@@ -144,7 +121,7 @@ def compare(
     ).process(judged.samples)
     found = []
     for name in decoders:
-        closure, level, confidence, held = _run(name, train, today, judged, tuple(features))
+        closure, level, confidence, held = _run(name, train, today, judged)
         figures = judge(closure, level, wanted, block_s, paper=paper, confidence=confidence, held=held)
         found.append(DecoderReport(name, closure, level, confidence, held, wanted, figures))
     return found
@@ -157,7 +134,7 @@ def _maxima(log: Log, preset: Literal["paper", "live"]) -> NDArray[np.float64]:
 
 
 def _run(
-    name: str, train: Log, today: Log | None, judged: Log, features: tuple[str, ...]
+    name: str, train: Log, today: Log | None, judged: Log
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     if name in LEARNED:
         decoder: LearnedDecoder = fit(
@@ -167,7 +144,6 @@ def _run(
             tau=train.tau,
             kind=train.kind,
             model=LEARNED[name],
-            features=features or DEFAULT_FEATURES,
         )
         if today is not None:
             decoder = decoder.recalibrated(today.samples, today.target)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import ShapeError
-from tega_learn.score import changes_per_second, delay_s, rank_correlation
+from tega_learn.score import changes_per_second, delay_s, pearson, rank_correlation
 
 REST_CLOSURE: Final = 0.05
 CLOSING: Final = 0.125
@@ -89,6 +89,7 @@ def judge(
             f"series have shapes {reported.shape}, {steps.shape}, {wanted.shape}: three blocks are needed"
         )
     rest, effort = wanted < 0.25, wanted > 0.5
+    printed = None if paper is None else np.asarray(paper, np.float64)
     balanced = float("nan")
     if rest.any() and effort.any():
         balanced = float((reported[rest] < 0.25).mean() + (reported[effort] >= 0.25).mean()) / 2
@@ -98,10 +99,8 @@ def judge(
         correlation=pearson(reported, wanted),
         rmse=float(np.sqrt(((reported - wanted) ** 2).mean())),
         changes_per_s=changes_per_second(steps, block_s),
-        delay_s=float("nan") if paper is None else delay_s(reported, np.asarray(paper, np.float64), block_s),
-        level_delay_s=float("nan")
-        if paper is None
-        else delay_s(steps, np.asarray(paper, np.float64), block_s),
+        delay_s=float("nan") if printed is None else delay_s(reported, printed, block_s),
+        level_delay_s=float("nan") if printed is None else delay_s(steps, printed, block_s),
         target_delay_s=delay_s(reported, wanted, block_s),
         at_level=float((steps == np.floor(4 * wanted + 1.5)).mean()),
         balanced_accuracy=balanced,
@@ -110,13 +109,6 @@ def judge(
         held=0.0 if held is None else float(np.asarray(held, bool).mean()),
         duration_s=len(reported) * block_s,
     )
-
-
-def pearson(a: NDArray[np.float64], b: NDArray[np.float64]) -> float:
-    """Return the correlation of two series, float64 ``(k,)``; NaN where one does not change."""
-    da, db = a - a.mean(), b - b.mean()
-    scale = float(np.sqrt((da @ da) * (db @ db)))
-    return float(da @ db) / scale if scale > 0 else float("nan")
 
 
 def _false_closings(reported: NDArray[np.float64], wanted: NDArray[np.float64], block_s: float) -> float:

@@ -87,7 +87,6 @@ class Decoded(msgspec.Struct, frozen=True):
             model knows.
         channels: Level of each channel, 1 to 5; all 0 where one is bad, since the model needs all.
         end: Number of the block's last sample among those of the call.
-        effort: The model's own number before the monotone stage; NaN where held.
     """
 
     closure: float
@@ -96,10 +95,56 @@ class Decoded(msgspec.Struct, frozen=True):
     held: bool
     channels: tuple[int, ...]
     end: int
-    effort: float
 
 
-class LearnedDecoder:
+class BlockDecoder:
+    """Base of a decoder that gives a closure a block; ``decoded`` are the blocks of the last call."""
+
+    _blocks: Blocks
+    decoded: list[Decoded]
+
+    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
+        """Take the next samples.
+
+        Args:
+            samples: ``(n, channels)``, in the unit of the training or calibration; NaN where missing.
+
+        Returns:
+            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held``
+            say more.
+
+        Raises:
+            ShapeError: The samples have another number of channels.
+            DtypeError: The samples are not real numbers.
+        """
+        self.decoded = [self._decode(block) for block in self._blocks.take(samples)]
+        return np.array([one.closure for one in self.decoded])
+
+    def _decode(self, block: FeatureBlock) -> Decoded:
+        raise NotImplementedError
+
+    @property
+    def levels(self) -> NDArray[np.int64]:
+        """Level of each block of the last call, 1 to 5, ``(k,)``."""
+        return np.array([one.level for one in self.decoded], np.int64)
+
+    @property
+    def confidence(self) -> NDArray[np.float64]:
+        """Confidence of each block of the last call, 0 to 1, ``(k,)``."""
+        return np.array([one.confidence for one in self.decoded])
+
+    @property
+    def held(self) -> NDArray[np.bool_]:
+        """Which blocks of the last call were held, ``(k,)``."""
+        return np.array([one.held for one in self.decoded], bool)
+
+    @property
+    def held_samples(self) -> NDArray[np.int64]:
+        """Samples replaced so far, ``(channels,)``."""
+        return self._blocks.held_samples
+
+
+class LearnedDecoder(BlockDecoder):
     """Turn EMG samples into a closure a block, by a model of :func:`tega_learn.fit`.
 
     Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN:
@@ -161,36 +206,13 @@ class LearnedDecoder:
         self._lowest, self._highest = np.array(m.lowest), np.array(m.highest)
         self._full = np.array(m.channel_full)
         self._last = 0.0
-        self.decoded: list[Decoded] = []
-
-    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
-        """Take the next samples.
-
-        Args:
-            samples: ``(n, channels)``, in the unit of the training data; NaN where missing.
-
-        Returns:
-            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held``
-            say more.
-
-        Raises:
-            ShapeError: The samples have another number of channels.
-            DtypeError: The samples are not real numbers.
-        """
-        self.decoded = [self._decode(block) for block in self._blocks.take(samples)]
-        return np.array([one.closure for one in self.decoded])
+        self.decoded = []
 
     def _decode(self, block: FeatureBlock) -> Decoded:
         n = len(self._full)
         if block.bad.any():
             return Decoded(
-                self._last,
-                max(1, self._latch.level),
-                0.0,
-                held=True,
-                channels=(0,) * n,
-                end=block.end,
-                effort=np.nan,
+                self._last, max(1, self._latch.level), 0.0, held=True, channels=(0,) * n, end=block.end
             )
         z = self._scorer.scaled(self._scorer.smooth(block.samples))
         effort = self._scorer.effort(z)
@@ -207,7 +229,7 @@ class LearnedDecoder:
             newest = self._scorer.effort(self._scorer.scaled(self._scorer.newest))
             self._latch.take(self.closure_of(newest), wanted)
         level = max(1, self._latch.level)
-        return Decoded(self._last, level, confidence, held, channels, block.end, effort)
+        return Decoded(self._last, level, confidence, held, channels, block.end)
 
     def closure_of(self, effort: float) -> float:
         """Return the closure that an effort asks for; it never falls as the effort rises."""
@@ -227,26 +249,6 @@ class LearnedDecoder:
             CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
         """
         return LearnedDecoder(refitted(self.model, as_samples(emg, len(self.model.channels)), target))
-
-    @property
-    def levels(self) -> NDArray[np.int64]:
-        """Level of each block of the last call, 1 to 5, ``(k,)``."""
-        return np.array([one.level for one in self.decoded], np.int64)
-
-    @property
-    def confidence(self) -> NDArray[np.float64]:
-        """Confidence of each block of the last call, 0 to 1, ``(k,)``."""
-        return np.array([one.confidence for one in self.decoded])
-
-    @property
-    def held(self) -> NDArray[np.bool_]:
-        """Which blocks of the last call were held, ``(k,)``."""
-        return np.array([one.held for one in self.decoded], bool)
-
-    @property
-    def held_samples(self) -> NDArray[np.int64]:
-        """Samples replaced so far, ``(channels,)``."""
-        return self._blocks.held_samples
 
     @property
     def channels(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from datetime import UTC, datetime
 from typing import Any, Final
 
@@ -11,7 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import CalibrationError, ShapeError
-from tega.runtime.lifecycle import require
 from tega_learn.block_features import Blocks
 from tega_learn.model import BlockScorer, Model
 
@@ -49,40 +49,34 @@ class EffortModel:
         return found
 
 
-class EffortLearner:
-    """Fits one kind of model, "ridge", "huber" or "kernel", with scikit-learn.
+Learner = Callable[[NDArray[np.float64], NDArray[np.float64]], EffortModel]
+"""Fits a model to standardised features ``(n, features)`` and closure ``(n,)``."""
 
-    ``strength`` is that of a ridge or a Huber regression, for each training block.
-    """
 
-    def __init__(self, model: str, *, strength: float = RIDGE) -> None:
-        require("sklearn", driver="emg fit", extra="learn")
-        self._model, self._strength = model, strength
+def fit_effort(z: NDArray[np.float64], y: NDArray[np.float64], *, model: str, strength: float) -> EffortModel:
+    """Fit a "ridge", "huber" or "kernel"; ``strength`` is that of the first two, for each training block."""
+    wanted = y**TARGET_POWER
+    if model == "ridge":
+        from sklearn.linear_model import Ridge
 
-    def __call__(self, z: NDArray[np.float64], y: NDArray[np.float64]) -> EffortModel:
-        """Fit it to standardised features ``(n, features)`` and closure ``(n,)``."""
-        wanted = y**TARGET_POWER
-        if self._model == "ridge":
-            from sklearn.linear_model import Ridge
+        line = Ridge(alpha=strength * len(y)).fit(z, wanted)
+        return EffortModel(line.coef_, line.intercept_)
+    if model == "huber":
+        from sklearn.exceptions import ConvergenceWarning
+        from sklearn.linear_model import HuberRegressor
 
-            line = Ridge(alpha=self._strength * len(y)).fit(z, wanted)
-            return EffortModel(line.coef_, line.intercept_)
-        if self._model == "huber":
-            from sklearn.exceptions import ConvergenceWarning
-            from sklearn.linear_model import HuberRegressor
+        with warnings.catch_warnings():
+            # It also warns where its line search cannot make the last digits any better.
+            warnings.simplefilter("ignore", ConvergenceWarning)
+            line = HuberRegressor(alpha=strength * len(y), max_iter=2000).fit(z, wanted)
+        return EffortModel(line.coef_, line.intercept_)
+    from sklearn.kernel_ridge import KernelRidge
 
-            with warnings.catch_warnings():
-                # It also warns where its line search cannot make the last digits any better.
-                warnings.simplefilter("ignore", ConvergenceWarning)
-                line = HuberRegressor(alpha=self._strength * len(y), max_iter=2000).fit(z, wanted)
-            return EffortModel(line.coef_, line.intercept_)
-        from sklearn.kernel_ridge import KernelRidge
-
-        rows = np.unique(np.linspace(0, len(z) - 1, min(len(z), SUPPORTS)).round().astype(int))
-        gamma = 0.25 / z.shape[1]
-        bias = float(wanted.mean())
-        kernel = KernelRidge(alpha=0.3, kernel="rbf", gamma=gamma).fit(z[rows], wanted[rows] - bias)
-        return EffortModel(kernel.dual_coef_, bias, z[rows], gamma)
+    rows = np.unique(np.linspace(0, len(z) - 1, min(len(z), SUPPORTS)).round().astype(int))
+    gamma = 0.25 / z.shape[1]
+    bias = float(wanted.mean())
+    kernel = KernelRidge(alpha=0.3, kernel="rbf", gamma=gamma).fit(z[rows], wanted[rows] - bias)
+    return EffortModel(kernel.dual_coef_, bias, z[rows], gamma)
 
 
 def rising_polyline(
@@ -118,7 +112,7 @@ def rising_polyline(
 
 
 def judge_kept_back(
-    learner: EffortLearner, z: NDArray[np.float64], y: NDArray[np.float64]
+    learner: Learner, z: NDArray[np.float64], y: NDArray[np.float64]
 ) -> tuple[tuple[float, float, float, float, float], NDArray[np.float64]]:
     """Judge blocks in time by models that have not seen them: how often they are right, how far they lie outside."""
     closures, novelty = np.empty_like(y), np.empty_like(y)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tega.errors import CalibrationError
 from tega.runtime.files.foreign_file import parse_json, read_foreign
-from tega_learn.block_features import AMPLITUDES, AR_ORDER, block_features, n_values
+from tega_learn.block_features import AR_ORDER, amplitude_values, block_features, n_values
 
 _Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 _Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
@@ -110,7 +110,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
         """
         channels = len(self.channels)
         values = n_values(self.features, channels) * len(self.smoothing_s)
-        amplitudes = channels * sum(feature in AMPLITUDES for feature in self.features)
+        amplitudes = int(amplitude_values(self.features, channels).sum())
         lengths = {
             "floor": (len(self.floor), amplitudes),
             "channel_full": (len(self.channel_full), channels),
@@ -188,6 +188,21 @@ def load_model(path: Path) -> Model:
     return model
 
 
+class Smoother:
+    """Smooths the values of blocks causally with every time constant, seconds, from the first block on."""
+
+    def __init__(self, smoothing_s: tuple[float, ...], block_s: float) -> None:
+        self._gains = -np.expm1(-block_s / np.array(smoothing_s))[:, np.newaxis]
+        self._state: NDArray[np.float64] | None = None
+
+    def take(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the smoothed values of the next block, time constant by time constant."""
+        if self._state is None:
+            self._state = np.repeat(values[np.newaxis], len(self._gains), axis=0)
+        self._state = self._state + self._gains * (values - self._state)
+        return self._state.ravel()
+
+
 class BlockScorer:
     """Turns a block's features into smoothed, scaled values and an effort; keeps the smoothing's state.
 
@@ -195,12 +210,10 @@ class BlockScorer:
     """
 
     def __init__(self, model: Model) -> None:
-        channels = len(model.channels)
-        widths = [channels * (AR_ORDER if name == "AR" else 1) for name in model.features]
-        self._amplitude = np.repeat([name in AMPLITUDES for name in model.features], widths)
+        self._amplitude = amplitude_values(model.features, len(model.channels))
         self._floor = np.array(model.floor)
-        self._gains = -np.expm1(-model.tau / model.rate_hz / np.array(model.smoothing_s))[:, np.newaxis]
-        self._state: NDArray[np.float64] | None = None
+        self._smoother = Smoother(model.smoothing_s, model.tau / model.rate_hz)
+        self._n_smoothed = len(model.smoothing_s)
         self.newest: NDArray[np.float64] = np.empty(0)
         self._features, self._bias, self._gamma = model.features, model.bias, model.gamma
         self._mean, self._scale = np.array(model.mean), np.array(model.scale)
@@ -211,12 +224,8 @@ class BlockScorer:
         values = block_features(samples, self._features)
         if len(self._floor):
             values[self._amplitude] = np.log(values[self._amplitude] + self._floor)
-        if self._state is None:
-            self._state = np.repeat(values[np.newaxis], len(self._gains), axis=0)
-        else:
-            self._state = self._state + self._gains * (values - self._state)
-        self.newest = np.tile(values, len(self._gains))
-        return self._state.ravel()
+        self.newest = np.tile(values, self._n_smoothed)
+        return self._smoother.take(values)
 
     def scaled(self, smoothed: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return them in standard deviations."""

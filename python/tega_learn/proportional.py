@@ -11,15 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 from tega.emg import InputKind
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand import nearest_level
-from tega_learn.block_features import Blocks
-from tega_learn.learned import Decoded
+from tega_learn.block_features import Blocks, FeatureBlock
+from tega_learn.learned import BlockDecoder, Decoded
 
 _LEVEL = 0.25
 """Closure of one level."""
 _FARTHEST = 10.0
 
 
-class ProportionalDecoder:
+class ProportionalDecoder(BlockDecoder):
     """Mean absolute value of one channel, or of a closing less an opening one, between a dead band and full effort.
 
     closure = (share - dead_band) / (full - dead_band), clamped to 0..1; share = s_1 or s_1 - s_2, with s a channel's
@@ -71,57 +71,30 @@ class ProportionalDecoder:
         self._last = self._confidence = 0.0
         # Of a block's drive less the smoothed one before it; half the gain of that is the smoothed one's own.
         self._variance = 0.0
-        self.decoded: list[Decoded] = []
+        self.decoded = []
 
     def __repr__(self) -> str:
         """Samples, rate and closing channel."""
         return f"<ProportionalDecoder: {self._reported}>"
 
-    def process(self, samples: ArrayLike) -> NDArray[np.float64]:
-        """Take the next samples; return the closure of each block completed, 0 to 1, ``(k,)``, float64."""
-        self.decoded = []
-        for block in self._blocks.take(samples):
-            bad = block.bad[self._used].any()
-            if not bad:
-                shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._maxima
-                away = 0.0 if self._state is None else abs(self._drive(shares - self._state))
-                away = min(away, _FARTHEST)
-                self._state = (
-                    shares if self._state is None else self._state + self._gain * (shares - self._state)
-                )
-                self._variance += self._gain * (away * away - self._variance)
-                span = self._full - self._dead_band
-                self._last = min(1.0, max(0.0, (self._drive(self._state) - self._dead_band) / span))
-                deviation = math.sqrt(0.5 * self._gain * self._variance) / span
-                self._confidence = math.erf(_LEVEL / deviation / math.sqrt(2.0)) if deviation > 0 else 1.0
-            now = np.zeros(len(self._maxima)) if self._state is None else self._state
-            levels = np.where(block.bad, 0, 1 + np.minimum(4 * now, 4).astype(int))
-            reported = (0,) * len(levels) if bad else tuple(levels.tolist())
-            level = nearest_level(self._last)
-            self.decoded.append(
-                Decoded(
-                    self._last,
-                    level,
-                    0.0 if bad else self._confidence,
-                    bool(bad),
-                    reported,
-                    block.end,
-                    self._last,
-                )
-            )
-        return np.array([one.closure for one in self.decoded])
+    def _decode(self, block: FeatureBlock) -> Decoded:
+        bad = bool(block.bad[self._used].any())
+        if not bad:
+            shares = np.add.reduce(np.abs(block.samples)) / len(block.samples) / self._maxima
+            before = shares if self._state is None else self._state
+            away = min(abs(self._drive(shares - before)), _FARTHEST)
+            self._state = before + self._gain * (shares - before)
+            self._variance += self._gain * (away * away - self._variance)
+            span = self._full - self._dead_band
+            self._last = min(1.0, max(0.0, (self._drive(self._state) - self._dead_band) / span))
+            deviation = math.sqrt(0.5 * self._gain * self._variance) / span
+            self._confidence = math.erf(_LEVEL / deviation / math.sqrt(2.0)) if deviation > 0 else 1.0
+        now = np.zeros(len(self._maxima)) if self._state is None else self._state
+        levels = np.where(bad | block.bad, 0, 1 + np.minimum(4 * now, 4).astype(int))
+        confidence, level = 0.0 if bad else self._confidence, nearest_level(self._last)
+        return Decoded(self._last, level, confidence, bad, tuple(levels.tolist()), block.end)
 
     def _drive(self, shares: NDArray[np.float64]) -> float:
         """Return the share of the closing channel, less that of the opening one."""
         drive = float(shares[self._used[0]])
         return drive - float(shares[self._used[1]]) if len(self._used) == 2 else drive
-
-    @property
-    def levels(self) -> NDArray[np.int64]:
-        """Level of each block of the last call, 1 to 5, ``(k,)``."""
-        return np.array([one.level for one in self.decoded], np.int64)
-
-    @property
-    def held_samples(self) -> NDArray[np.int64]:
-        """Samples replaced so far, ``(channels,)``."""
-        return self._blocks.held_samples

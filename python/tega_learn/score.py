@@ -58,7 +58,7 @@ def rank_correlation(a: ArrayLike, b: ArrayLike) -> float:
         1.0
     """
     x, y = _pair(a, b)
-    return _correlation(_ranks(x), _ranks(y))
+    return pearson(_ranks(x), _ranks(y))
 
 
 def changes_per_second(levels: ArrayLike, block_s: float) -> float:
@@ -90,7 +90,7 @@ def delay_s(levels: ArrayLike, reference: ArrayLike, block_s: float, *, longest_
     later, earlier = _pair(levels, reference)
     furthest = min(round(longest_s / block_s), max(len(later) - 3, 0))
     shifts = range(-furthest, furthest + 1)
-    agreement = np.array([_correlation(*_overlap(later, earlier, shift)) for shift in shifts])
+    agreement = np.array([pearson(*_overlap(later, earlier, shift)) for shift in shifts])
     if np.isnan(agreement).all():
         return float("nan")
     best = int(np.nanargmax(agreement))
@@ -109,13 +109,12 @@ def score_recording(
     *,
     tau: int,
     kind: InputKind = "raw",
-    split: float = 0.5,
 ) -> RecordingScore:
     """Score both presets on one recording of EMG and force.
 
-    The first ``split`` (between 0 and 1) of the recording gives the maxima (`channel_maxima`: the largest
-    block mean for "paper", the 95th percentile for "live"); the rest, run from a fresh start, is judged
-    against the force averaged over the same blocks. It has to hold three blocks of ``tau`` samples or more.
+    The first half of the recording gives the maxima (`channel_maxima`: the largest block mean for "paper", the
+    95th percentile for "live"); the rest, run from a fresh start, is judged against the force averaged over the
+    same blocks. It has to hold three blocks of ``tau`` samples or more.
     ``samples`` are ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same
     instants, any unit.
     """
@@ -124,9 +123,7 @@ def score_recording(
         raise ShapeError(
             f"force has shape {measured.shape}, samples {emg.shape}: one force a sample is needed"
         )
-    if not 0 < split < 1:
-        raise InvalidValueError(f"split = {split} must lie between 0 and 1")
-    start = int(len(emg) * split)
+    start = len(emg) // 2
     wanted = BlockMean(tau, 1).process(measured[start:])[:, 0]
     if len(wanted) < 3:
         raise ShapeError(
@@ -171,7 +168,8 @@ def _ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return mean_rank[place]
 
 
-def _correlation(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Return the correlation of two series, float64 ``(k,)``; NaN where one does not change."""
     dx, dy = x - x.mean(), y - y.mean()
     scale = float(np.sqrt((dx @ dx) * (dy @ dy)))
     return float(dx @ dy) / scale if scale > 0 else float("nan")

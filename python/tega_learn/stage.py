@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from tega.errors import CalibrationError, ConfigError
 from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-from tega_learn.learned import Decoded, LearnedDecoder
+from tega_learn.learned import BlockDecoder, Decoded, LearnedDecoder
 from tega_learn.model import load_model
 from tega_learn.proportional import ProportionalDecoder
 
@@ -111,7 +111,7 @@ class _Pace:
 class _BlockStage(Decoder):
     """Intents of a decoder that gives a closure a block."""
 
-    _core: LearnedDecoder | ProportionalDecoder
+    _core: BlockDecoder
     _pace: _Pace
     _full: Sequence[float]
     _hold_below = 0.0
@@ -163,21 +163,12 @@ class LearnedStage(_BlockStage):
     options_type: ClassVar[type[StageOptions]] = LearnedOptions
 
     def __init__(self, setup: MuscleSetup, options: LearnedOptions) -> None:
-        if options.model is None:
-            raise ConfigError(
-                "decoder 'learned' names no model",
-                "make one with tega-teleop emg fit, and set stages.decoder.options.model to its file",
-            )
-        model = load_model(options.model)
-        model.check_fits(
-            kind=setup.kind,
-            rate_hz=setup.rate_hz,
-            channels=setup.channels,
-            name=options.model.name,
-            person=options.person or "",
-        )
+        file = _file_of(options)
+        model = load_model(file)
+        run: dict[str, Any] = {"kind": setup.kind, "rate_hz": setup.rate_hz, "channels": setup.channels}
+        model.check_fits(**run, name=file.name, person=options.person or "")
         if options.reject is not None:
-            model = model.rejecting(options.reject, options.model.name)
+            model = model.rejecting(options.reject, file.name)
         self._full = model.channel_full
         self._core = LearnedDecoder(model)
         self._pace = _Pace(model.tau / model.rate_hz * 1e9)
@@ -187,17 +178,23 @@ class LearnedStage(_BlockStage):
     def day_model(cls, options: StageOptions) -> LearnedFile:
         """Return the model that the options name; a kernel is a ``CalibrationError``: it cannot be refitted."""
         assert isinstance(options, LearnedOptions)
-        if options.model is None:
-            raise ConfigError(
-                "decoder 'learned' names no model", "set stages.decoder.options.model to its file"
-            )
-        decoder = LearnedDecoder.load(options.model)
+        file = _file_of(options)
+        decoder = LearnedDecoder.load(file)
         if decoder.model.model == "kernel":
             raise CalibrationError(
-                f"{options.model.name}: a kernel cannot be refitted in ten seconds",
+                f"{file.name}: a kernel cannot be refitted in ten seconds",
                 "practise for a minute, then fit it again: tega-teleop emg fit",
             )
-        return LearnedFile(options.model, decoder)
+        return LearnedFile(file, decoder)
+
+
+def _file_of(options: LearnedOptions) -> Path:
+    if options.model is None:
+        raise ConfigError(
+            "decoder 'learned' names no model",
+            "make one with tega-teleop emg fit, and set stages.decoder.options.model to its file",
+        )
+    return options.model
 
 
 class ProportionalStage(_BlockStage):
@@ -208,7 +205,7 @@ class ProportionalStage(_BlockStage):
 
     def __init__(self, setup: MuscleSetup, options: ProportionalOptions) -> None:
         tau = max(4, round(options.tau_s * setup.rate_hz))
-        used = [options.channel - 1, *([options.opening - 1] if options.opening else [])]
+        used = [number - 1 for number in (options.channel, options.opening) if number]
         self._full = setup.maxima
         self._core = ProportionalDecoder(
             setup.rate_hz,

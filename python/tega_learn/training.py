@@ -6,6 +6,7 @@ import hashlib
 import platform
 from collections.abc import Sequence
 from datetime import UTC, datetime
+from functools import partial
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -13,7 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.emg import InputKind
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
-from tega_learn.block_features import AMPLITUDES, AR_ORDER, FEATURES, Blocks, as_samples, block_features
+from tega.runtime.lifecycle import require
+from tega_learn.block_features import FEATURES, Blocks, amplitude_values, as_samples, block_features
 from tega_learn.learned import LearnedDecoder
 from tega_learn.learners import (
     LEAST_NOVELTY,
@@ -21,11 +23,11 @@ from tega_learn.learners import (
     RIDGE,
     RIDGE_OF_TWO,
     TARGET_POWER,
-    EffortLearner,
+    fit_effort,
     judge_kept_back,
     rising_polyline,
 )
-from tega_learn.model import REJECTED, Model
+from tega_learn.model import REJECTED, Model, Smoother
 
 DEFAULT_FEATURES: Final = ("MAV", "LOGVAR")
 SMOOTHING_S: Final = (0.15, 0.4)
@@ -34,6 +36,7 @@ SMOOTHING_OF_TWO_S: Final = (0.05,)
 FLOOR_PERCENTILE: Final = 12.0
 FULL_PERCENTILE: Final = 98.0
 DEAD_BAND: Final = 0.03
+HELD_SHARE: Final = 0.01
 LEAST_S: Final = 10.0
 CLIPPED_SHARE: Final = 0.05
 LEAST_SHARE: Final = 0.05
@@ -51,7 +54,6 @@ def fit(
     features: Sequence[str] = DEFAULT_FEATURES,
     model: Literal["ridge", "huber", "kernel"] = "ridge",
     full: float | None = None,
-    reject: float = 0.01,
     channels: Sequence[str] = (),
     person: str = "",
 ) -> LearnedDecoder:
@@ -64,6 +66,9 @@ def fit(
     electrodes. Such a model is smoothed less, and held near the mean difference of both by a strong ridge on one
     scale for all channels, so that it bears other gains, places and noise than it has seen.
 
+    A run holds blocks that lie farther outside than a hundredth of the training's, each compared with the others'
+    range, but none within three standard deviations of the training data, six of two values.
+
     Args:
         emg: Samples ``(n, channels)``, any unit, finite.
         target: Closure or force at each sample, ``(n,)``; 0 is open.
@@ -73,9 +78,6 @@ def fit(
         features: Names out of :data:`tega.decoders.FEATURES`.
         model: "ridge", "huber" (unmoved by bursts in the target), or "kernel" (ridge with radial functions).
         full: Target that is full closure; ``None``: its 98th percentile.
-        reject: Share of the training blocks, each compared with the others' range, that sets the threshold for
-            holding similar blocks, 0 to 0.2; blocks within three standard deviations of the training data, six of two
-            values, are never held.
         channels: Their names; ``ch1``, ``ch2`` … where left out.
         person: Code of the person with these muscles.
 
@@ -92,32 +94,38 @@ def fit(
     goal = np.asarray(target, np.float64)
     names = tuple(channels) or tuple(f"ch{n + 1}" for n in range(samples.shape[1]))
     wanted = tuple(dict.fromkeys(features))
-    _check_options(rate_hz, tau, kind, wanted, reject, names, samples.shape[1], model)
+    _check_options(rate_hz, tau, kind, wanted, names, samples.shape[1], model)
     closure, scale = _checked_target(samples, goal, rate_hz, full)
     two_classes = len(np.unique(closure)) == 2
-    learner = EffortLearner(model, strength=RIDGE_OF_TWO if two_classes else RIDGE)
+    require("sklearn", driver="emg fit", extra="learn")
+    learner = partial(fit_effort, model=model, strength=RIDGE_OF_TWO if two_classes else RIDGE)
     block_s = tau / rate_hz
     blocks = Blocks(rate_hz, tau, kind, samples.shape[1]).take(samples)
     if any(block.bad.any() for block in blocks):
         _refuse_still(blocks, names)
     values = np.array([block_features(block.samples, wanted) for block in blocks])
-    floors, values = _logarithms(values, wanted, samples.shape[1])
+    loud = amplitude_values(wanted, samples.shape[1])
+    floors = np.percentile(values[:, loud], FLOOR_PERCENTILE, axis=0)
+    floors = np.maximum(floors, np.maximum(values[:, loud].max(axis=0) * 1e-6, 1e-300))
+    values[:, loud] = np.log(values[:, loud] + floors)
     y = closure[: len(blocks) * tau].reshape(-1, tau).mean(axis=1)
     lag = _lag(values, y**TARGET_POWER, block_s)
     smoothing_s = SMOOTHING_OF_TWO_S if two_classes else SMOOTHING_S
-    smoothed = np.concatenate([_smoothed(values, block_s, t) for t in smoothing_s], axis=1)
-    x, y = _shifted(smoothed, y, lag)
+    smoother = Smoother(smoothing_s, block_s)
+    x, y = _shifted(np.array([smoother.take(row) for row in values]), y, lag)
     mean, sd = x.mean(axis=0), x.std(axis=0)
     sd = np.where(sd > 0, sd, 1.0)
     if two_classes:
-        sd = _alike(sd, wanted * len(smoothing_s), samples.shape[1])
+        # One for all channels of an amplitude: a quiet channel is not made loud.
+        of_each = sd[np.tile(loud, len(smoothing_s))].reshape(-1, samples.shape[1])
+        sd[np.tile(loud, len(smoothing_s))] = np.sqrt((of_each**2).mean(axis=1)).repeat(samples.shape[1])
     z = (x - mean) / sd
     parts = learner(z, y)
     efforts = parts.efforts(z)
     knots_effort, knots_closure = rising_polyline(efforts, y)
     confidence, novelty = judge_kept_back(learner, z, y)
     least = LEAST_NOVELTY_OF_TWO if two_classes else LEAST_NOVELTY
-    hold_beyond = max(least, float(np.quantile(novelty, 1.0 - reject)))
+    hold_beyond = max(least, float(np.quantile(novelty, 1.0 - HELD_SHARE)))
     mav = np.array([np.abs(block.samples).mean(axis=0) for block in blocks])
     found = Model(
         kind=kind,
@@ -159,7 +167,6 @@ def _check_options(  # noqa: PLR0917  # in the order of fit
     tau: int,
     kind: str,
     features: tuple[str, ...],
-    reject: float,
     names: tuple[str, ...],
     n_channels: int,
     model: str,
@@ -168,8 +175,6 @@ def _check_options(  # noqa: PLR0917  # in the order of fit
         raise InvalidValueError(f"features = {features!r}", f"choose among {', '.join(FEATURES)}")
     if model not in {"ridge", "huber", "kernel"}:
         raise InvalidValueError(f"model = {model!r} is not known", "choose ridge, huber or kernel")
-    if not 0 <= reject <= 0.2:
-        raise InvalidValueError(f"reject = {reject!r} must lie between 0 and 0.2")
     if not (np.isfinite(rate_hz) and rate_hz > 0) or tau < 4:
         raise InvalidValueError(
             f"rate_hz = {rate_hz!r}, tau = {tau!r}", "give samples per second, and at least 4 samples a block"
@@ -239,43 +244,6 @@ def _refuse_still(blocks: list[Any], names: tuple[str, ...]) -> None:
             f"channel {names[worst]} stands still in {100 * share[worst]:.0f} % of the blocks",
             "look at its electrode: it is off, or at the amplifier's limit",
         )
-
-
-def _logarithms(
-    values: NDArray[np.float64], features: tuple[str, ...], channels: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the floors, and the values with each amplitude as ln(v + floor)."""
-    values = values.copy()
-    floors, at = [], 0
-    for name in features:
-        width = channels * (4 if name == "AR" else 1)
-        if name in AMPLITUDES:
-            part = values[:, at : at + width]
-            floor = np.percentile(part, FLOOR_PERCENTILE, axis=0)
-            floor = np.maximum(floor, np.maximum(part.max(axis=0) * 1e-6, 1e-300))
-            values[:, at : at + width] = np.log(part + floor)
-            floors.append(floor)
-        at += width
-    return np.concatenate(floors) if floors else np.empty(0), values
-
-
-def _smoothed(values: NDArray[np.float64], block_s: float, time_s: float) -> NDArray[np.float64]:
-    gain = -np.expm1(-block_s / time_s)
-    out, state = np.empty_like(values), values[0]
-    for n, value in enumerate(values):
-        state = out[n] = state + gain * (value - state)
-    return out
-
-
-def _alike(sd: NDArray[np.float64], features: tuple[str, ...], channels: int) -> NDArray[np.float64]:
-    """Return the deviations with one for all channels of an amplitude: a quiet channel is not made loud."""
-    found, at = sd.copy(), 0
-    for name in features:
-        width = channels * (AR_ORDER if name == "AR" else 1)
-        if name in AMPLITUDES:
-            found[at : at + width] = np.sqrt((sd[at : at + width] ** 2).mean())
-        at += width
-    return found
 
 
 def _shifted(

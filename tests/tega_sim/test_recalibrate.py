@@ -24,7 +24,7 @@ from tega.loop.maxima import emg_conditions
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
 from tega_emulators.process import Emulator
-from tega_learn.compare import Log, shifted_electrode, two_halves
+from tega_learn.compare import Log, two_halves
 from tega_learn.decoders import LearnedDecoder, fit
 from tega_learn.judge import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
@@ -58,6 +58,13 @@ def squeeze(folder: Path, name: str) -> Log:
     force = read_signals(file, Reading(channels=(1,), variable="Force")).samples
     n = min(len(emg), len(force))
     return Log(name, emg[:n], force[:n, 0], 200.0)
+
+
+def shifted_electrode(log: Log, *, seed: int, places: int) -> Log:
+    """Return the log as after moving the electrodes, simulated: channels rotated, gains drawn (0.5 to 2)."""
+    gains = np.exp2(np.random.default_rng(seed).uniform(-1, 1, log.samples.shape[1]))
+    offset = np.median(log.samples, axis=0)
+    return log._replace(samples=np.roll((log.samples - offset) * gains, places, axis=1) + offset)
 
 
 def ten_seconds(learn: Log, today: NDArray[np.float64]) -> TenSeconds:

@@ -21,6 +21,12 @@ REMOVED: Final[Mapping[str, Removed]] = {
     "vest.pulses": Removed(
         "0.2", "a mapping replaced it", "set stages.mapping.options, with stages.mapping.name = pulses"
     ),
+    "stages.mapping.options.threshold_percent": Removed(
+        "0.3", "the wearer's own threshold is taken", "set vest.threshold; tega-teleop calibrate measures it"
+    ),
+    "stages.mapping.options.weber": Removed(
+        "0.3", "the wearer's own step is taken", "set vest.step; tega-teleop calibrate measures it"
+    ),
     "arm.driver = panda": Removed(
         "0.3", "franky drives a Panda too", "set arm.driver = franky, with arm.options.robot = panda or fr3"
     ),
@@ -29,12 +35,14 @@ REMOVED: Final[Mapping[str, Removed]] = {
 
 CONSTANTS: Final[Mapping[str, float]] = {
     "hand.options.send_timeout_s": 0.01,
+    "stages.mapping.options.offset_percent": 0.0,
     "stages.mapping.options.remind_s": 1.0,
     "stages.mapping.options.slip_again_s": 0.3,
     "stages.mapping.options.slip_burst_s": 0.15,
     "stages.mapping.options.slip_bursts": 2,
     "stages.mapping.options.slip_percent": 100.0,
     "stages.mapping.options.slip_rest_s": 0.1,
+    "stages.reflex.options.rise_from": 0.0,
 }
 """Settings that became constants in 0.3. Files and recordings that have them with this value are read as before."""
 

@@ -28,7 +28,6 @@ class ChangesOptions(SlipRowOptions, frozen=True):
     """Options of the mapping ``changes``: those of ``slip-row``, and these.
 
     Attributes:
-        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
         steady: Share of the columns' level that is shown while nothing changes.
         onset: How strongly a rise is shown, per percent above the level that is adapted to.
         offset: How strongly a fall is shown, per percent below the level that is adapted to.

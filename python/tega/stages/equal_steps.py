@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import ConfigError
+from tega.haptics import FeltMap
 from tega.records import Contact, Event
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
@@ -28,22 +29,12 @@ class EqualStepsOptions(SlipRowOptions, frozen=True):
     Attributes:
         law: Share of the sensation by the value: ``linear``, in proportion; ``logistic`` and ``power`` as in
             ``columns``.
-        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
-        threshold_percent: The lowest intensity that is felt; none means the wearer's own, motor by motor
-            (vest.threshold), and 20 where that was not measured.
-        weber: Weber fraction: the smallest change that is noticed, as a share of the intensity; none means the
-            wearer's own, motor by motor (vest.step), and 0.3 where that was not measured.
-        offset_percent: Intensity added in Weber's law, for steps that are larger near the threshold; a very large one
-            makes all steps alike, as vest.threshold and vest.step do for other mappings.
         first_steps: So many noticeable steps above its threshold a motor begins.
         full_percent: Intensity of a motor at full sensation; where vest.options.limit is lower, give that.
     """
 
     law: Literal["logistic", "linear", "power"] = "linear"
     slip_row: Literal["bottom", "top", "none"] = "none"
-    threshold_percent: Annotated[float, msgspec.Meta(gt=0, lt=100)] | None = None
-    weber: Annotated[float, msgspec.Meta(gt=0, le=5)] | None = None
-    offset_percent: Annotated[float, msgspec.Meta(ge=0, le=1e6)] = 0.0
     first_steps: Annotated[float, msgspec.Meta(ge=0, le=20)] = 1.0
     full_percent: Annotated[float, msgspec.Meta(gt=0, le=100)] = 100.0
 
@@ -51,16 +42,16 @@ class EqualStepsOptions(SlipRowOptions, frozen=True):
 class EqualStepsMapping(SlipRowMapping):
     """Columns with intensities that rise by equal steps of sensation.
 
-    By Weber's law with an offset, dI = W (I + a) is just noticed (Fechner 1860; the offset is Miller's,
-    1947), so that n(I) = ln((I + a) / (T + a)) / ln(1 + W) noticeable steps lie between the threshold T and
-    I. A motor m shows the share s of full sensation at
+    By Weber's law dI = W I is just noticed (Fechner 1860), so that n(I) = ln(I / T) / ln(1 + W) noticeable steps
+    lie between the threshold T and I. A motor m shows the share s of full sensation at
 
-    ``I = (T_m + a) (1 + W_m) ** (n1 + s (N - n1)) - a``, ``N`` the least ``n(F)`` of all motors,
+    ``I = T_m (1 + W_m) ** (n1 + s (N - n1))``, ``N`` the least ``n(F)`` of all motors,
 
     and 0 at s = 0: wherever it is shown, a share is as many steps above the threshold, and N is that of the
-    motor with the fewest (``n_steps``). ``n1`` is ``first_steps``, F ``full_percent``. The wearer's W is
-    vest.step over the intensity half way between threshold and F, where the step is measured. Raises
-    ``ConfigError`` as ``slip-row`` does, or if a motor's threshold is not below F.
+    motor with the fewest (``n_steps``). ``n1`` is ``first_steps``, F ``full_percent``. T is vest.threshold, W
+    vest.step over the intensity half way between threshold and F, where the step is measured; what was not
+    measured is :data:`THRESHOLD_PERCENT` and :data:`WEBER`. Raises ``ConfigError`` as ``slip-row`` does, or if a
+    motor's threshold is not below F.
     """
 
     summary: ClassVar[str] = (
@@ -72,29 +63,22 @@ class EqualStepsMapping(SlipRowMapping):
     def __init__(self, setup: VestSetup, options: EqualStepsOptions) -> None:
         super().__init__(setup, options)
         numbers = setup.layout.numbers
-        full, self._offset = options.full_percent, options.offset_percent
-        threshold = np.full(len(numbers), options.threshold_percent or THRESHOLD_PERCENT)
-        step = None
-        if setup.felt is not None:
-            measured = setup.felt.threshold[numbers]
-            if options.threshold_percent is None:
-                threshold = np.where(measured > 0, measured, THRESHOLD_PERCENT)
-            step = setup.felt.step[numbers]
+        full = options.full_percent
+        felt = setup.felt or FeltMap()
+        threshold = np.where(felt.threshold > 0, felt.threshold, THRESHOLD_PERCENT)[numbers]
+        step = felt.step[numbers]
         if (worst := float(threshold.max())) >= full:
             raise ConfigError(
                 f"stages.mapping.options.full_percent = {full:g} is not above the threshold of every motor: "
                 f"{worst:g} percent is felt at the worst",
                 "raise it, or look at vest.threshold",
             )
-        weber = np.full(len(numbers), options.weber or WEBER)
-        if options.weber is None and step is not None and bool((step != 1.0).any()):
-            # 1 is the step of nobody in particular.
-            weber = step / ((threshold + full) / 2 + self._offset)
-        log_weber = np.log1p(weber)
-        self._lowest = threshold + self._offset
-        self.n_steps = float((np.log((full + self._offset) / self._lowest) / log_weber).min())
+        # 1 is the step of nobody in particular.
+        weber = step / ((threshold + full) / 2) if (step != 1.0).any() else np.full(len(numbers), WEBER)
+        log_weber, self._lowest = np.log1p(weber), threshold
+        self.n_steps = float((np.log(full / threshold) / log_weber).min())
         first = min(options.first_steps, self.n_steps)
-        # Of ln((I + a) / (T + a)): at the lowest share, and what each percent adds; arrays cost less than numbers.
+        # Of ln(I / T): at the lowest share, and what each percent adds; arrays cost less than numbers.
         self._begin, self._per_percent = first * log_weber, (self.n_steps - first) * log_weber / 100
         self._most = np.full(len(numbers), 100.0)
 
@@ -111,7 +95,5 @@ class EqualStepsMapping(SlipRowMapping):
         levels += self._begin
         np.exp(levels, out=levels)
         levels *= self._lowest
-        if self._offset:
-            levels -= self._offset
         np.putmask(levels, resting, 0.0)
         return levels

@@ -11,14 +11,9 @@ import msgspec
 
 from tega.records import Contact, Event
 from tega.stages.base import Reflex, ReflexSetup, StageOptions
-from tega.stages.events.tracks import TwoMeans
 
 # The wish fades over the last fifth of the way to a limit, so that it neither jumps nor chatters there.
 _MARGIN: Final = 0.2
-# Of a rise: time constants of a share's quick and slow mean; how long a finger finds its
-# place; and the gain of closure between the two means at which the hand is closing, 0.4 levels a second.
-_QUICK_S, _SLOW_S, _SETTLED_S = 0.04, 0.2, 0.3
-_CLOSING_LEVELS: Final = 0.4 * (_SLOW_S - _QUICK_S)
 
 
 class GripReflexOptions(StageOptions, frozen=True):
@@ -26,9 +21,6 @@ class GripReflexOptions(StageOptions, frozen=True):
 
     Attributes:
         incipient_from: Share of a contact's rim that slips, from which on the grip is to be firmer; at 1, fully.
-        rise_from: Rise of that share within a fifth of a second from which on the grip is to be firmer instead, and at
-            twice of it fully; 0 goes by the share itself. A rise counts on a finger that has touched for 0.3 s, while
-            the hand does not close by more than 0.4 levels a second: a closing grip pulls the gel, too.
         full_slip_mm_s: Speed of a slip at which the grip is to be firmer by all that may be added.
         events: Whether a slip detected from events counts, for fingers with a metric that measures neither of the
             two.
@@ -39,7 +31,6 @@ class GripReflexOptions(StageOptions, frozen=True):
     """
 
     incipient_from: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.4
-    rise_from: Annotated[float, msgspec.Meta(ge=0, le=1)] = 0.0
     full_slip_mm_s: Annotated[float, msgspec.Meta(gt=0, le=1000)] = 5.0
     events: bool = True
     keep_s: Annotated[float, msgspec.Meta(ge=0, le=5)] = 0.5
@@ -64,9 +55,6 @@ class GripReflex(Reflex):
         self._fingers, self._o = setup.fingers, options
         self.wants_events = options.events
         self._first: float | None = None
-        # Since when each finger touches, and the share of its contact that has slid lately.
-        self._slid: dict[str, tuple[int, TwoMeans]] = {}
-        self._closure = TwoMeans(_QUICK_S, _SLOW_S)
         self._requested, self._until_ns = 0.0, 0
         self._why = self._cause = ""
 
@@ -87,12 +75,6 @@ class GripReflex(Reflex):
         touching = [
             contacts[name] for name in self._fingers if name in contacts and contacts[name].in_contact
         ]
-        if measured is not None:
-            self._closure.add(t_ns / 1e9, measured)
-        self._slid = {
-            one.finger: self._slid.get(one.finger) or (one.t_ns, TwoMeans(_QUICK_S, _SLOW_S))
-            for one in touching
-        }
         if not touching:
             self._first, self._requested, self._cause = None, 0.0, ""
             return 0.0
@@ -129,22 +111,10 @@ class GripReflex(Reflex):
         o, most = self._o, 0.0
         for one in contact.more:
             if one.name == "incipient" and math.isfinite(one.value):
-                most = max(most, self._incipient(contact, one.value))
+                most = max(most, (one.value - o.incipient_from) / (1 - o.incipient_from))
             elif one.name == "slip_mm_s" and math.isfinite(one.value):
                 most = max(most, abs(one.value) / o.full_slip_mm_s)
         return min(most, 1.0)
-
-    def _incipient(self, contact: Contact, share: float) -> float:
-        """Wish for a firmer grip from a finger's share that has slid: by itself, or by its rise."""
-        o = self._o
-        if o.rise_from <= 0:
-            return (share - o.incipient_from) / (1 - o.incipient_from)
-        since_ns, slid = self._slid[contact.finger]
-        slid.add(contact.t_ns / 1e9, share)
-        settled = contact.t_ns - since_ns >= _SETTLED_S * 1e9
-        if not settled or self._closure.change > _CLOSING_LEVELS:
-            return 0.0
-        return slid.change / o.rise_from - 1.0
 
     def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
         """Room before harm: 1 far from it, 0 at the limit, -1 well beyond it."""

@@ -29,7 +29,6 @@ class PlaceOptions(SlipRowOptions, frozen=True):
     """Options of the mapping ``place``: those of ``slip-row``, and these; ``rows`` counts where ``blend`` is ``all``.
 
     Attributes:
-        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
         blend: Between two motors: ``energy`` shares the power, so that a place between them is felt as strong as one;
             ``linear`` shares the intensity; ``nearest`` takes one; ``all`` lights every motor, as ``columns`` does.
         picture_px: Width and height of the fingertips' pictures.

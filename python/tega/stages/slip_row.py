@@ -35,8 +35,7 @@ class SlipRowOptions(ColumnsOptions, frozen=True):
     """Options of the mapping ``slip-row``: those of ``columns``, and these.
 
     Attributes:
-        slip_row: Row of every face that shows slips and nothing else; ``none`` leaves it to the columns and shows no
-            slip.
+        slip_row: Row of every face that shows slips and nothing else; ``none``: no slip is shown.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "bottom"

@@ -126,11 +126,6 @@ def fit(
 @kind_option("--kind", "raw")
 @reading_options
 @click.option(
-    "--best",
-    type=click.IntRange(1, 64),
-    help="Use only so many channels: those that go best with the target in the training part.",
-)
-@click.option(
     "--decoders",
     type=NAMES,
     default="rules-paper,rules,proportional,learned",
@@ -138,13 +133,6 @@ def fit(
     help="Decoders to compare; learned-huber, learned-kernel and any installed one are possible, too.",
 )
 @click.option("--train", help="Train on this log instead, and judge each LOG whole: across days.")
-@click.option(
-    "--shift",
-    type=click.IntRange(0, 63),
-    default=0,
-    help="Rotate the judged part's channels by so many places and draw new gains (simulated).",
-)
-@click.option("--seed", type=int, default=1, show_default=True, help="Seed of the gains that --shift draws.")
 @click.option(
     "--recalibrate",
     "recalibrate_s",
@@ -161,11 +149,8 @@ def compare(
     target: str | None,
     kind: Any,
     reading: Reading,
-    best: int | None,
     decoders: list[str],
     train: str | None,
-    shift: int,
-    seed: int,
     recalibrate_s: float,
     picture: Path | None,
     as_json: bool,
@@ -183,8 +168,8 @@ def compare(
       false_closings_per_min, calibration_error, held, duration_s
     """  # noqa: D301  # click keeps the lines after \b as they are
     from tega_learn.compare import as_json as figures_of
-    from tega_learn.compare import best_channels, shifted_electrode, two_halves
     from tega_learn.compare import compare as compared
+    from tega_learn.compare import two_halves
 
     rows: list[dict[str, Any]] = []
     drawn: list[tuple[str, float, list[DecoderReport]]] = []
@@ -197,12 +182,6 @@ def compare(
         else:
             pairs.append(("second half", "first half (swapped)", *two_halves(log, swapped=True)))
         for trained_on, judged_on, learn, judged in pairs:
-            if best is not None:
-                used = best_channels(learn, best)
-                learn, judged = learn.columns(used), judged.columns(used)  # noqa: PLW2901
-            if shift:
-                judged = shifted_electrode(judged, seed=seed, places=shift)  # noqa: PLW2901
-                judged_on += ", electrodes shifted (simulated)"  # noqa: PLW2901
             if recalibrate_s:
                 judged_on += f", recalibrated by its first {recalibrate_s:g} s"  # noqa: PLW2901
             reported = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)

@@ -122,24 +122,6 @@ def test_neutral_options_are_columns(kind: Any, options: Any, script: Any, layou
 
 
 @given(
-    share=st.floats(0, 1),
-    threshold=st.lists(st.floats(5, 45), min_size=40, max_size=40),
-    step=st.lists(st.floats(2, 20), min_size=40, max_size=40),
-)
-def test_steps_of_one_size_are_columns_behind_the_wearers_own_map(
-    share: float, threshold: list[float], step: list[float]
-) -> None:
-    felt = FeltMap(threshold=threshold, step=step)
-    options = EqualStepsOptions(law="logistic", offset_percent=1e6, first_steps=0)
-    displayed = hold(EqualStepsMapping(setup(felt=felt), options), share)
-    columns = hold(ColumnsMapping(setup(felt=felt), ColumnsOptions()), share)
-    shares = np.minimum(columns, 100) / 100
-    n_steps = ((100 - felt.threshold) / felt.step).min()
-    wanted = np.where(shares > 0, felt.threshold + shares * n_steps * felt.step, 0)
-    assert np.abs(displayed - np.minimum(wanted, 100)).max() < 0.1
-
-
-@given(
     low=st.floats(0.001, 1),
     high=st.floats(0.001, 1),
     threshold=st.lists(st.integers(5, 60), min_size=40, max_size=40),

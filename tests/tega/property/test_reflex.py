@@ -162,28 +162,6 @@ def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends
     assert bench.ticks(400, 3.0, touch("index", incipient=0.0)) == 3.0
 
 
-def test_by_its_rise_a_share_firms_the_grip_once_not_while_it_stays_and_not_while_the_hand_closes() -> None:
-    def shares(bench: Bench, seconds: float, share: float, closing: float = 0.0) -> list[float]:
-        """Give a finger's share at 60 frames a second, and say what is added at each."""
-        added = []
-        for _ in range(round(seconds * 60)):
-            newest = touch("index", incipient=share)["index"]
-            seen = {"index": msgspec.structs.replace(newest, t_ns=bench.t_ns)}
-            bench.snapshot = bench.snapshot._replace(measured=(bench.snapshot.measured or 2.0) + closing / 60)
-            added.append(bench.ticks(6, 3.0, seen) - 3.0)
-        return added
-
-    by_rise = GripReflexOptions(rise_from=0.15, keep_s=0.2, most_give_levels=0)
-    slides = grip(options=by_rise)
-    assert max(shares(slides, 2.0, 0.9)) == 0.0  # from the grasp on: a grip that closes has this shape, too
-    assert max(shares(slides, 1.0, 0.2)) == 0.0
-    assert shares(slides, 0.2, 0.9)[-1] == pytest.approx(0.5)
-    assert shares(slides, 3.0, 0.9)[-1] == 0.0
-    closes = grip(options=by_rise)
-    shares(closes, 1.0, 0.2, closing=1.0)
-    assert max(shares(closes, 0.2, 0.9, closing=1.0)) == 0.0
-
-
 def test_a_closed_hand_is_told_no_more_than_closed() -> None:
     bench = grip()
     assert bench.ticks(400, 4.8, touch("index", incipient=1.0)) == pytest.approx(5.0)
@@ -259,7 +237,6 @@ def test_it_is_eased_where_a_finger_is_loaded() -> None:
 
 
 def _replaced(contact: Contact, force_n: float) -> Contact:
-    import msgspec
 
     return msgspec.structs.replace(contact, force_n=force_n)
 

@@ -131,7 +131,7 @@ KEYS = (
     "tactile.thumb.options.rate_hz",
     "emg.options.rate_hz",
     "safety.emg_lost_ms",
-    "stages.mapping.options.weber",
+    "stages.mapping.options.first_steps",
 )
 
 

@@ -53,13 +53,14 @@ def test_a_value_beside_a_removed_one_is_read() -> None:
 
 BESIDE = {
     "hand": "hand.driver=python-can",
-    "stages": "stages.mapping.name=changes",
+    "stages.mapping": "stages.mapping.name=changes",
+    "stages.reflex": "stages.reflex.name=grip",
 }
 
 
 @pytest.mark.parametrize("key", CONSTANTS)
 def test_a_setting_that_became_a_constant_is_read_with_its_value_only(key: str) -> None:
-    beside = BESIDE[key.partition(".")[0]]
+    beside = BESIDE[key.partition(".options")[0]]
     plain = load_config(None, environ={}, sets=[beside]).config
     assert load_config(None, environ={}, sets=[beside, f"{key}={CONSTANTS[key]!r}"]).config == plain
     with pytest.raises(ConfigError, match=r"--set: .* was taken out in 0\.3; leave it out: it is always"):

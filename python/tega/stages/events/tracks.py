@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
 from typing import NamedTuple
 
 
@@ -42,8 +41,12 @@ class TwoMeans:
 
     def add(self, t_s: float, value: float) -> None:
         """Take in a value; the first one is both means."""
-        _blend((self,), (value,), *_shares(max(t_s - self._t_s, 0.0), self._quick_s, self._slow_s))
-        self._t_s = t_s
+        dt_s, self._t_s = max(t_s - self._t_s, 0.0), t_s
+        if math.isnan(self.quick):
+            self.quick = self.slow = value
+        else:
+            self.quick -= (value - self.quick) * math.expm1(-dt_s / self._quick_s)
+            self.slow -= (value - self.slow) * math.expm1(-dt_s / self._slow_s)
 
     def forget(self) -> None:
         """Restart with the next value."""
@@ -53,23 +56,6 @@ class TwoMeans:
     def change(self) -> float:
         """Change of the quantity lately; 0 before the first value."""
         return 0.0 if math.isnan(self.quick) else self.quick - self.slow
-
-
-def _blend(
-    courses: Sequence[TwoMeans], values: Sequence[float], quick_share: float, slow_share: float
-) -> None:
-    """Take values into courses, with their shares of the new means; a course's first one is both means."""
-    for course, value in zip(courses, values, strict=True):
-        if math.isnan(course.quick):
-            course.quick = course.slow = value
-        else:
-            course.quick += (value - course.quick) * quick_share
-            course.slow += (value - course.slow) * slow_share
-
-
-def _shares(dt_s: float, quick_s: float, slow_s: float) -> tuple[float, float]:
-    """Return the shares of a value in the quick and the slow mean, so long after the one before it."""
-    return -math.expm1(-dt_s / quick_s), -math.expm1(-dt_s / slow_s)
 
 
 class Low:
@@ -136,7 +122,6 @@ class FingerTrack:
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
-        self._quick_s, self._slow_s = quick_s, slow_s
         self.touching = False
         self.since_s = self.seen_s = -math.inf
         self._courses = [TwoMeans(quick_s, slow_s) for _ in range(5)]
@@ -149,10 +134,9 @@ class FingerTrack:
             for course in self._courses:
                 course.forget()
         if touch.in_contact:
-            # Since contact began no frame is without it, so that one interval holds for all.
-            shares = _shares(max(t_s - self.seen_s, 0.0), self._quick_s, self._slow_s)
             values = math.log(max(touch.mass, 1.0)), touch.peak, math.sqrt(touch.eda), touch.x, touch.y
-            _blend(self._courses, values, *shares)
+            for course, value in zip(self._courses, values, strict=True):
+                course.add(t_s, value)
         self.seen_s = t_s
 
     @property
