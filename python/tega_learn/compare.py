@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Any, Final, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -174,9 +172,3 @@ def _run(
     level = np.array([i.level if i.closure is None else np.floor(4 * i.closure + 1.5) for i in newest])
     sure = np.array([np.nan if i.confidence is None else i.confidence for i in newest])
     return closure, level, sure, np.array([i.confidence == 0 for i in newest])
-
-
-def as_json(reported: DecoderReport) -> dict[str, Any]:
-    """Return a decoder's figures by name; an undefined figure is ``None``."""
-    figures = msgspec.to_builtins(reported.figures)
-    return {"decoder": reported.decoder} | {k: None if math.isnan(v) else v for k, v in figures.items()}

@@ -54,6 +54,12 @@ class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
     held: float
     duration_s: float
 
+    def as_json(self) -> dict[str, float | None]:
+        """Return the figures by name; an undefined one is ``None``."""
+        return {
+            name: None if np.isnan(value) else value for name, value in msgspec.structs.asdict(self).items()
+        }
+
 
 def judge(
     closure: ArrayLike,

@@ -28,28 +28,22 @@ _TINY: Final = Decimal(float(np.finfo(np.float64).tiny))
 
 @dataclass
 class Extreme:
-    """One line of the table; ``done`` is what is done and has to be true, ``error_of`` what the error is a share of."""
+    """One line of the table; ``error_of`` is what the error is a share of, ``bound`` the largest that passes."""
 
     group: Group
     name: str
-    done: str
     bound: float
     error_of: str
     found: list[float] = field(default_factory=list)
-    notes: list[str] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         """Become a line of the table."""
         EXTREMES.append(self)
 
-    def hold(self, error: float, note: str = "") -> None:
-        """Fail where an error is beyond the bound; keep it for the table, and what is told of it."""
-        assert error <= self.bound, (
-            f"{self.name}: the error {error:.3g} is beyond {self.bound:.2g} ({self.done})"
-        )
+    def hold(self, error: float) -> None:
+        """Fail where an error is beyond the bound; keep it for the table."""
+        assert error <= self.bound, f"{self.name}: the error {error:.3g} is beyond {self.bound:.2g}"
         self.found.append(error)
-        if note and note not in self.notes:
-            self.notes.append(note)
 
 
 def relative(got: float, exact: Fraction | Decimal, size: Fraction | Decimal | None = None) -> float:
@@ -73,7 +67,7 @@ def extremes_table() -> str:
     if untried := [one.name for one in EXTREMES if not one.found]:
         raise ValueError(f"not tried: {untried}")
     rows = [
-        (kernel, one.name, short(max(one.found)), f"{one.bound:.2g}", "; ".join([one.error_of, *one.notes]))
+        (kernel, one.name, short(max(one.found)), f"{one.bound:.2g}", one.error_of)
         for group, kernel in GROUPS.items()
         for one in EXTREMES
         if one.group == group

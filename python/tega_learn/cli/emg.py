@@ -64,10 +64,6 @@ def fit(
     force or a closure, with --target and --rate-hz. With --json: {"file", "lag_s", "duration_s", "data_sha256",
     "person", "channels", "rate_hz", "in_sample": {...figures of emg compare, on the training data itself...}}.
     """
-    from math import isnan
-
-    import msgspec
-
     from tega_learn.decoders import fit as fit_decoder
     from tega_learn.judge import judge
 
@@ -103,8 +99,7 @@ def fit(
             f: getattr(made, f)
             for f in ("lag_s", "duration_s", "data_sha256", "person", "channels", "rate_hz")
         }
-        builtin = {k: None if isnan(v) else v for k, v in msgspec.to_builtins(figures).items()}
-        echo_json({"file": str(out), **reported, "in_sample": builtin})
+        echo_json({"file": str(out), **reported, "in_sample": figures.as_json()})
         return
     click.echo(
         f"{out.name}: {made.model} on {', '.join(made.features)} of {len(made.channels)} channels, "
@@ -167,7 +162,6 @@ def compare(
       changes_per_s, delay_s and level_delay_s (behind rules-paper), target_delay_s, at_level, balanced_accuracy,
       false_closings_per_min, calibration_error, held, duration_s
     """  # noqa: D301  # click keeps the lines after \b as they are
-    from tega_learn.compare import as_json as figures_of
     from tega_learn.compare import compare as compared
     from tega_learn.compare import two_halves
 
@@ -186,7 +180,7 @@ def compare(
                 judged_on += f", recalibrated by its first {recalibrate_s:g} s"  # noqa: PLW2901
             reported = compared(learn, judged, decoders, recalibrate_s=recalibrate_s)
             where = {"log": log.name, "trained_on": trained_on, "judged_on": judged_on}
-            rows += [where | figures_of(one) for one in reported]
+            rows += [where | {"decoder": one.decoder} | one.figures.as_json() for one in reported]
             drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
     if picture is not None:
         from tega_learn.figures import draw_decoders

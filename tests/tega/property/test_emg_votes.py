@@ -6,7 +6,7 @@ from itertools import cycle
 from typing import get_args
 
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -60,7 +60,6 @@ def sources(draw: st.DrawFn) -> tuple[float, int, InputKind, Samples]:
     return rate_hz, draw(st.integers(1, 300)), draw(st.sampled_from(["raw", *get_args(InputKind)])), samples
 
 
-@settings(deadline=None)
 @given(sources(), st.lists(st.integers(0, 400), min_size=1, max_size=5).filter(any))
 @example((1000.0, 100, "raw", np.full((500, 3), 127.0)), [10])
 def test_every_vote_is_the_reference_s(source: tuple[float, int, InputKind, Samples], cut: list[int]) -> None:

@@ -23,42 +23,26 @@ Weights = tuple[float, float, float]
 LUMA: Weights = (0.299, 0.587, 0.114)
 ALL_WAYS: list[Any] = list(product(("signed", "rectified", "absolute"), ("spatial", "intensity")))
 SHAPE = (240, 320, 3)
-few = settings(max_examples=8, deadline=None)
+few = settings(max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
 counts = st.integers(0, 255)
 
 
-def extreme(name: str, done: str) -> Extreme:
+def extreme(name: str) -> Extreme:
     # Each number is rounded once or twice from exact sums.
-    return Extreme("contact", name, done, 1e-15, "relative, worst number")
+    return Extreme("contact", name, 1e-15, "relative, worst number")
 
 
-EVEN = extreme(
-    "even frames", "black, grey, saturated, gone dark: any even frame on any other; `live` says no contact"
-)
-ONE_PIXEL = extreme("one pixel", "one pixel of any brightness in a black frame; `live` says no contact")
-SHIFT = extreme(
-    "uniform shift", "every pixel 1 to 40 counts brighter than its baseline; `live` says no contact"
-)
-CROSSING = extreme(
-    "signed mass crossing zero",
-    "a bump and a dent that cancel, and one pixel that carries the sum from -3 to +3; signed, both spreads",
-)
-LARGEST = extreme(
-    "4096×4096",
-    "a bump of 900 px radius on the largest frame taken; signed with σ of intensity, rectified with σ in pixels",
-)
-FAINT = extreme("contrast 1 of 255", "a disc one count brighter than its baseline, anywhere")
-NEGATIVE = extreme(
-    "negative weights", "frames of noise, weights (r, g, b) such as (2, -1.5, 0.5) and (-1, 3, -1)"
-)
-HUGE = extreme("weights of 1e300", "frames of noise, weights (1e300, -1e300, 1) in any order")
-TINY = extreme(
-    "tiny weights", "frames of noise, weights (1, 1e-300, -1e-300) and (1, 5e-324, 0) in any order"
-)
-UNSEEN = extreme(
-    "only tiny weights seen", "green alone changes, weights (1, 1e-300, 0) and (0.5, 5e-324, 0.5)"
-)
+EVEN = extreme("even frames")
+ONE_PIXEL = extreme("one pixel")
+SHIFT = extreme("uniform shift")
+CROSSING = extreme("signed mass crossing zero")
+LARGEST = extreme("4096×4096")
+FAINT = extreme("contrast 1 of 255")
+NEGATIVE = extreme("negative weights")
+HUGE = extreme("weights of 1e300")
+TINY = extreme("tiny weights")
+UNSEEN = extreme("only tiny weights seen")
 
 
 def error(got: ContactMetrics, exact: ExactContact) -> float:
@@ -166,29 +150,22 @@ def test_a_contrast_of_one_count(seed: int, x: float, y: float, radius: float) -
     held(FAINT, baseline + (blob(SHAPE, (x, y), radius, 40) > 0).astype(np.uint8), baseline)
 
 
-@few
-@given(seeds, st.permutations([2.0, -1.5, 0.5]), st.sampled_from([(-1.0, 3.0, -1.0), (0.5, 1.5, -1.0)]))
-@example(3, [2.0, -1.5, 0.5], (-1.0, 3.0, -1.0))
-def test_negative_weights(seed: int, some: list[float], others: Weights) -> None:
-    for weights in ((some[0], some[1], some[2]), others):
-        held(NEGATIVE, *noise(seed), weights=weights)
-
-
-@few
-@given(seeds, st.permutations([1e300, -1e300, 1.0]))
-@example(3, [1e300, -1e300, 1.0])
-@example(3, [1.0, 1e300, -1e300])
-def test_huge_weights(seed: int, weights: list[float]) -> None:
-    held(HUGE, *noise(seed), weights=(weights[0], weights[1], weights[2]))
-
-
-@few
-@given(seeds, st.one_of(st.permutations([1.0, 1e-300, -1e-300]), st.permutations([1.0, 5e-324, 0.0])))
-@example(3, [1.0, 1e-300, -1e-300])
-@example(3, [1.0, 5e-324, 0.0])
-@example(3, [1e-300, 1.0, 5e-324])
-def test_tiny_weights(seed: int, weights: list[float]) -> None:
-    held(TINY, *noise(seed), weights=(weights[0], weights[1], weights[2]))
+@pytest.mark.parametrize(
+    ("line", "weights"),
+    [
+        (NEGATIVE, (2.0, -1.5, 0.5)),
+        (NEGATIVE, (-1.0, 3.0, -1.0)),
+        (NEGATIVE, (0.5, 1.5, -1.0)),
+        (HUGE, (1e300, -1e300, 1.0)),
+        (HUGE, (1.0, 1e300, -1e300)),
+        (TINY, (1.0, 1e-300, -1e-300)),
+        (TINY, (1e-300, 1.0, 5e-324)),
+        (TINY, (1.0, 5e-324, 0.0)),
+    ],
+    ids=lambda one: getattr(one, "name", one),
+)
+def test_weights(line: Extreme, weights: Weights) -> None:
+    held(line, *noise(3), weights=weights)
 
 
 @few

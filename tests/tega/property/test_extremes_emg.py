@@ -23,73 +23,27 @@ ORDER = 4
 RATES_HZ = {"200 Hz": 200.0, "1 kHz": 1e3, "10 kHz": 1e4, "100 kHz": 1e5, "1 MHz": 1e6}
 N_SAMPLES = 2_000
 FULL_SCALE = "share of full scale"
-few = settings(max_examples=8, deadline=None)
+few = settings(max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
 orders = st.integers(1, 8)
 
-IMPULSE = Extreme("emg", "impulse", f"orders 1 to 8, 50 Hz at 1 kHz, {N_SAMPLES} samples", 1e-14, FULL_SCALE)
-STEP = Extreme("emg", "step", f"orders 1 to 8, 50 Hz at 1 kHz, {N_SAMPLES} samples", 1e-14, FULL_SCALE)
+IMPULSE = Extreme("emg", "impulse", 1e-14, FULL_SCALE)
+STEP = Extreme("emg", "step", 1e-14, FULL_SCALE)
 AT_RATE = {
-    name: Extreme(
-        "emg",
-        f"{name} sampling",
-        f"4th order, 50 Hz, {N_SAMPLES} samples of noise, with an offset and without",
-        rounding_bound(rate_hz),
-        FULL_SCALE,
-    )
+    name: Extreme("emg", f"{name} sampling", rounding_bound(rate_hz), FULL_SCALE)
     for name, rate_hz in RATES_HZ.items()
 }
 CORNER = "share of the squared gain at the cutoff (1/2)"
-NEAR = "of the rate, orders 1 to 8; gain at 0 Hz is 1 within 1e-13; noise within ±1 comes out within ±2"
-NEAR_0 = Extreme("emg", "cutoff near 0", f"cutoffs of 1e-06 to 0.001 {NEAR}", 1e-5, CORNER)
-NEAR_HALF = Extreme("emg", "cutoff near half the rate", f"cutoffs of 0.499 to 0.499999 {NEAR}", 1e-5, CORNER)
-IMPOSSIBLE = Extreme(
-    "emg",
-    "impossible filters",
-    "cutoffs of 0, below 0, at, beyond and within 1e-6 of half the rate, NaN, ∞; rates of 0, below 0, too low, too "
-    "high, NaN, ∞; orders below 1 and above 8: each is refused with `InvalidValueError`",
-    0,
-    "filters taken",
-)
-SUBNORMAL = Extreme(
-    "emg",
-    "subnormal input",
-    "100000 samples of noise of up to 1000 times 5e-324: taken as 0",
-    1e-250,
-    "absolute, in the unit of the samples",
-)
-DECAY = Extreme(
-    "emg",
-    "decay to nothing",
-    "one to a hundred samples of any size, then 100000 of silence: exactly 0 before the half of them",
-    0,
-    "subnormal outputs",
-)
-HELD = Extreme(
-    "emg",
-    "NaN and ±1e301",
-    "one sample in ten of three channels of noise is not a usable number: the last good one stands in, all are counted",
-    0,
-    "outputs unlike the filtered held signal, bit for bit",
-)
-GAP = Extreme(
-    "emg",
-    "200 ms of NaN",
-    "noise with a gap of 200 samples at 1 kHz, anywhere: finite all through; afterwards the filter starts afresh",
-    0,
-    "outputs not finite, or unlike a fresh filter's, bit for bit",
-)
+NEAR_0 = Extreme("emg", "cutoff near 0", 1e-5, CORNER)
+NEAR_HALF = Extreme("emg", "cutoff near half the rate", 1e-5, CORNER)
+IMPOSSIBLE = Extreme("emg", "impossible filters", 0, "filters taken")
+SUBNORMAL = Extreme("emg", "subnormal input", 1e-250, "absolute, in the unit of the samples")
+DECAY = Extreme("emg", "decay to nothing", 0, "subnormal outputs")
+HELD = Extreme("emg", "NaN and ±1e301", 0, "outputs unlike the filtered held signal, bit for bit")
+GAP = Extreme("emg", "200 ms of NaN", 0, "outputs not finite, or unlike a fresh filter's, bit for bit")
 PERIOD, SETTLING_PERIODS, OFFSET = 100_000, 5, 2048.0
 LONG = {
-    name: Extreme(
-        "emg",
-        f"1e8 samples at {name}",
-        f"three channels (noise, a constant, a sine, all on {OFFSET:g}), repeated every {PERIOD} samples; the mean of "
-        f"every period against the input's, and the last period against a filter that saw only {SETTLING_PERIODS} "
-        "before it; no output above 1.5 times the largest input",
-        rounding_bound(RATES_HZ[name]),
-        FULL_SCALE,
-    )
+    name: Extreme("emg", f"1e8 samples at {name}", rounding_bound(RATES_HZ[name]), FULL_SCALE)
     for name in ("1 kHz", "1 MHz")
 }
 
@@ -135,6 +89,15 @@ def held_at_cutoff(line: Extreme, share: float, order: int) -> None:
     line.hold(float(abs(2 * gain_squared(sos, share) - 1)))
     assert abs(dc_gain(sos) - 1) < Decimal("1e-13")
     assert np.abs(lowpass.process(np.random.default_rng(5).uniform(-1, 1, 20_000))).max() < 2.0
+
+
+def test_the_exact_response_of_a_known_filter() -> None:
+    # y[n] = (x[n] + x[n-1]) / 2: gain 1 at frequency 0, cos²(π f) elsewhere; half of it at a quarter of the rate.
+    mean = [[0.5, 0.5, 0.0, 1.0, 0.0, 0.0]]
+    assert dc_gain(mean) == 1
+    assert abs(gain_squared(mean, 0.25) - Decimal("0.5")) < Decimal("1e-55")
+    for share in (1e-6, 0.125, 0.49):
+        assert float(gain_squared(mean, share)) == pytest.approx(np.cos(np.pi * share) ** 2, rel=1e-12)
 
 
 not_finite = st.sampled_from([float("nan"), float("inf"), float("-inf")])

@@ -13,41 +13,11 @@ from tega.haptics import intensity
 from tega_figures.exact import exact_intensity
 
 SMALLEST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
-LAW = Extreme(
-    "sigmoid",
-    "maxima from 1e-300 to 1e300",
-    "values from -60 to 10 times the maximum",
-    3e-15,
-    "relative, worst of all values",
-)
-ENDS = Extreme(
-    "sigmoid",
-    "0, half and the whole maximum",
-    "at maxima from 1e-300 to 1e300: 1, 50, 99",
-    0,
-    "wrong results",
-)
-ORDER = Extreme(
-    "sigmoid",
-    "order",
-    "rising values from -1 to 2 times the maximum, at maxima from 1e-300 to 1e300",
-    0,
-    "steps at which the intensity falls",
-)
-FAR_OUT = Extreme(
-    "sigmoid",
-    "ends of the number range",
-    "values and maxima of ±1.8e308 and ±5e-324 together: 0, 1, 99 and 100 exactly, no overflow",
-    0,
-    "wrong results",
-)
-IMPOSSIBLE = Extreme(
-    "sigmoid",
-    "impossible arguments",
-    "maxima of 0, below 0, NaN and ∞, values of NaN and ±∞: each is refused with `InvalidValueError`",
-    0,
-    "arguments taken",
-)
+LAW = Extreme("sigmoid", "maxima from 1e-300 to 1e300", 3e-15, "relative, worst of all values")
+ENDS = Extreme("sigmoid", "0, half and the whole maximum", 0, "wrong results")
+ORDER = Extreme("sigmoid", "order", 0, "steps at which the intensity falls")
+FAR_OUT = Extreme("sigmoid", "ends of the number range", 0, "wrong results")
+IMPOSSIBLE = Extreme("sigmoid", "impossible arguments", 0, "arguments taken")
 maxima = st.one_of(st.sampled_from([1e-300, 1.0, 1e300]), st.floats(1e-300, 1e300))
 
 

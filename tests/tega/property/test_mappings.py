@@ -81,28 +81,19 @@ def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarra
 
 @pytest.mark.parametrize(("kind", "options"), KINDS)
 @given(script=scripts, layout=layouts)
-def test_levels_are_percents_and_the_same_again(kind: Any, options: Any, script: Any, layout: str) -> None:
-    first, again = (run(kind(setup(layout), options()), script) for _ in range(2))
-    for one, other in zip(first, again, strict=True):
-        assert one.shape == (len(SHIPPED[layout].motors),)
-        assert np.isfinite(one).all()
-        assert (one >= 0).all()
-        assert (one <= 100).all()
-        assert one.tobytes() == other.tobytes()
-
-
-@pytest.mark.parametrize(("kind", "options"), KINDS)
-@given(script=scripts, layout=layouts)
-def test_without_contact_there_is_silence(kind: Any, options: Any, script: Any, layout: str) -> None:
-    mapping = kind(setup(layout), options())
-    run(mapping, script)
+def test_levels_are_percents_the_same_again_and_silent_without_contact(
+    kind: Any, options: Any, script: Any, layout: str
+) -> None:
+    mapping, other = kind(setup(layout), options()), kind(setup(layout), options())
+    displayed = np.array(run(mapping, script))
+    assert displayed.shape == (len(script), len(SHIPPED[layout].motors))
+    assert ((displayed >= 0) & (displayed <= 100)).all()
+    assert displayed.tobytes() == np.array(run(other, script)).tobytes()
     t_ns = len(script) * STEP_NS
     assert not mapping.levels(t_ns, {}, ()).any(), "every finger is lost: at once"
-    mapping = kind(setup(layout), options())
-    run(mapping, script)
     free = {f: contact(f, t_ns + 3_000_000_000, 0, 0) for f in FINGERS}
-    mapping.levels(t_ns, {f: contact(f, t_ns, 0, 0) for f in FINGERS}, ())
-    assert not mapping.levels(t_ns + 3_000_000_000, free, ()).any(), "every finger has let go: after 3 s"
+    other.levels(t_ns, {f: contact(f, t_ns, 0, 0) for f in FINGERS}, ())
+    assert not other.levels(t_ns + 3_000_000_000, free, ()).any(), "every finger has let go: after 3 s"
 
 
 @pytest.mark.parametrize(
@@ -152,7 +143,7 @@ def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(
 
 
 @pytest.mark.parametrize(("kind", "options"), KINDS)
-@given(low=st.floats(0, 1), high=st.floats(0, 1), n=st.sampled_from([1, 60]))
+@given(low=st.floats(0, 1), high=st.floats(0, 1), n=st.sampled_from([1, 30]))
 def test_a_firmer_even_touch_is_never_weaker(
     kind: Any, options: Any, low: float, high: float, n: int
 ) -> None:

@@ -226,19 +226,10 @@ def test_it_is_eased_before_the_object_gives_too_far() -> None:
 
 def test_it_is_eased_where_a_finger_is_loaded() -> None:
     bench = grip(options=GripReflexOptions(most_force_n=5.0))
-    loaded = {
-        "index": Contact(
-            finger="index", t_ns=0, in_contact=True, force_n=4.5, more=(NamedValue("incipient", 1.0),)
-        )
-    }
-    assert bench.ticks(400, 3.0, loaded) == pytest.approx(3.25)
-    assert bench.ticks(400, 3.0, {"index": _replaced(loaded["index"], 6.0)}) == 3.0
+    for force_n, level in ((4.5, 3.25), (6.0, 3.0)):
+        loaded = msgspec.structs.replace(touch("index", incipient=1.0)["index"], force_n=force_n)
+        assert bench.ticks(400, 3.0, {"index": loaded}) == pytest.approx(level)
     assert bench.reported[-1].wish == -1.0
-
-
-def _replaced(contact: Contact, force_n: float) -> Contact:
-
-    return msgspec.structs.replace(contact, force_n=force_n)
 
 
 def test_in_a_hold_and_without_authority_what_was_added_is_taken_back_within_a_fifth_of_a_second() -> None:

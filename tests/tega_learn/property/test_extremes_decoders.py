@@ -20,37 +20,10 @@ from tega_learn.decoders import LearnedDecoder, fit
 Array = NDArray[np.float64]
 RATE_HZ, TAU = 1000.0, 100
 MODELS = ("ridge", "kernel")
-ANY = Extreme(
-    "decoders",
-    "any samples",
-    "models `ridge` and `kernel`; a second each of silence, NaN, ±∞, ±1.8e308, ±5e-324, a constant "
-    "of any size and noise up to 1e300, in any order",
-    0,
-    "closures that are not finite or not from 0 to 1",
-)
-BACK = Extreme(
-    "decoders",
-    "the same again after them",
-    "two seconds of one such value between usable samples: from the third second afterwards the "
-    "closures are those of a decoder that did not see them",
-    0.01,
-    "absolute, closure of 0 to 1",
-)
-UNIT = Extreme(
-    "decoders",
-    "unit of the samples",
-    "taught and asked in volts, microvolts or any unit from 1e-9 to 1e9 of those: the closures are "
-    "those of unit 1",
-    1e-6,
-    "absolute, closure of 0 to 1",
-)
-IMPOSSIBLE = Extreme(
-    "decoders",
-    "nothing to learn from",
-    "EMG or closure that is constant, NaN, ∞, or beyond 1e300 all through: refused with a `TegaError`",
-    0,
-    "models made",
-)
+ANY = Extreme("decoders", "any samples", 0, "closures that are not finite or not from 0 to 1")
+BACK = Extreme("decoders", "the same again after them", 0.01, "absolute, closure of 0 to 1")
+UNIT = Extreme("decoders", "unit of the samples", 1e-6, "absolute, closure of 0 to 1")
+IMPOSSIBLE = Extreme("decoders", "nothing to learn from", 0, "models made")
 
 
 @cache

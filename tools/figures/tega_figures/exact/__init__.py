@@ -7,7 +7,7 @@ written from the equations alone, without a line of what they judge.
 from __future__ import annotations
 
 from tega_figures.exact.contact import ExactContact, exact_contact, exact_paper, printed
-from tega_figures.exact.emg import dc_gain, design, filtered, gain_squared, transfer_function
+from tega_figures.exact.emg import dc_gain, design, filtered, gain_squared
 from tega_figures.exact.vest import exact_intensity
 
 __all__ = [
@@ -20,5 +20,4 @@ __all__ = [
     "filtered",
     "gain_squared",
     "printed",
-    "transfer_function",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from decimal import Decimal, localcontext
 
-__all__ = ["dc_gain", "design", "filtered", "gain_squared", "transfer_function"]
+__all__ = ["dc_gain", "design", "filtered", "gain_squared"]
 
 DIGITS = 60
 PI = Decimal("3.14159265358979323846264338327950288419716939937510582097494459230781640628620899")
@@ -73,27 +73,6 @@ def filtered(sections: Iterable[Sequence[Decimal | float]], samples: Sequence[fl
                 x1, x2, y1, y2 = x, x1, y, y1
             signal = out
         return signal
-
-
-def transfer_function(sections: Iterable[Section]) -> tuple[list[float], list[float]]:
-    """Multiply the sections of :func:`design` out into one fraction, each coefficient rounded once.
-
-    Numerator and denominator are in ascending powers of 1/z.
-    """
-    with localcontext() as context:
-        context.prec = DIGITS
-        b, a = [Decimal(1)], [Decimal(1)]
-        for b0, b1, b2, a1, a2 in sections:
-            b, a = _product(b, (b0, b1, b2)), _product(a, (Decimal(1), a1, a2))
-        return [float(x) for x in b], [float(x) for x in a]
-
-
-def _product(p: Sequence[Decimal], q: Sequence[Decimal]) -> list[Decimal]:
-    out = [Decimal(0)] * (len(p) + len(q) - 1)
-    for i, x in enumerate(p):
-        for j, y in enumerate(q):
-            out[i + j] += x * y
-    return out
 
 
 def dc_gain(sos: Iterable[Sequence[float]]) -> Decimal:
