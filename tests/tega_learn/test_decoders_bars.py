@@ -26,6 +26,9 @@ FOLLOWED_BY_THE_RULE = ("v1", "v2", "v8", "v10")
 CHANNELS = (3, 6, 8)
 
 
+pytest.importorskip("sklearn", reason="scikit-learn is not installed")
+
+
 def there(path: Path) -> Path:
     if not path.exists():
         pytest.skip(f"{path} is not there; set TEGA_DATA to the folder of the shared recordings")
@@ -34,7 +37,6 @@ def there(path: Path) -> Path:
 
 @cache
 def squeezes(name: str) -> Log:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     scipy_io = pytest.importorskip("scipy.io", reason="scipy is not installed")
     loaded = scipy_io.loadmat(there(DATA / "my_thesis" / f"recording_force_{name}.mat"))
     force = np.asarray(loaded["Force"], np.float64).ravel()
@@ -51,25 +53,13 @@ def reported(name: str, swapped: bool = False) -> dict[str, DecoderReport]:
 
 @pytest.mark.parametrize("name", BARS)
 def test_the_closure_follows_the_force_and_is_steady(name: str) -> None:
-    figures = reported(name)["learned"].figures
+    figures, rules = reported(name)["learned"].figures, reported(name)["rules"].figures
     assert figures.rank_correlation >= BARS[name]
+    assert figures.rank_correlation >= rules.level_rank_correlation - 0.01
     assert figures.changes_per_s <= 0.5
-
-
-@pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
-def test_the_closure_is_hardly_later_than_print(name: str) -> None:
-    assert reported(name)["learned"].figures.delay_s <= 0.120
-
-
-@pytest.mark.parametrize("name", FOLLOWED_BY_THE_RULE)
-def test_the_level_is_hardly_later_than_print(name: str) -> None:
-    assert reported(name)["learned"].figures.level_delay_s <= 0.120
-
-
-@pytest.mark.parametrize("name", BARS)
-def test_the_closure_rises_above_the_rule_or_is_near_it(name: str) -> None:
-    learned, rules = reported(name)["learned"].figures, reported(name)["rules"].figures
-    assert learned.rank_correlation >= rules.level_rank_correlation - 0.01
+    if name in FOLLOWED_BY_THE_RULE:  # hardly later than print
+        assert figures.delay_s <= 0.120
+        assert figures.level_delay_s <= 0.120
 
 
 def test_swapped_halves_are_beside_and_worse() -> None:
@@ -105,7 +95,7 @@ def test_a_cue_that_is_followed_late_teaches_nearly_as_well(name: str) -> None:
     train, judged = two_halves(squeezes(name))
     by_force = reported(name)["learned"].figures.rank_correlation
     found = []
-    for seed in range(3):
+    for seed in range(2):
         decoder = fit(train.samples, cue(train, seed), rate_hz=200, tau=20, full=1.0)
         closure = decoder.process(judged.samples)
         wanted = judged.target[: len(closure) * 20].reshape(-1, 20).mean(axis=1)
@@ -138,7 +128,6 @@ def balanced(closure: NDArray[np.float64], target: NDArray[np.float64]) -> float
 
 
 def test_closing_is_told_from_rest_within_a_day() -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     # Four trials of 1.5 s a class: the least training data is ten seconds, so each trial is kept back in turn.
     found = []
     for kept_back in (1, 2, 3, 4):
@@ -156,13 +145,12 @@ def worn_again(emg: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
 
 
 def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     untouched, renewed = [], []
     for kept_back in (1, 2, 3, 4):
         others = tuple(t for t in (1, 2, 3, 4) if t != kept_back)
         decoder = fit(*closing(1, others * 2), rate_hz=200, tau=20)
         emg, target = closing(1, (kept_back,) * 3)
-        for seed in range(5):
+        for seed in range(2):
             decoder.restart()
             untouched.append(balanced(decoder.process(worn_again(emg, seed)), target))
             ten_s, meant = closing(1, others)
@@ -175,7 +163,6 @@ def test_closing_is_told_from_rest_on_a_simulated_other_day() -> None:
 
 
 def test_closing_is_told_from_rest_across_days() -> None:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     days = sorted({int(p.name[1:].partition("M")[0]) for p in (DATA / "longterm_myo").glob("D*M8T1.csv")})
     if len(days) < 2:
         pytest.skip(f"{DATA / 'longterm_myo'} holds day 1 alone: later days are kept for acceptance")

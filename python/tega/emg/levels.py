@@ -62,7 +62,7 @@ class ButterworthLowpass:
 
     Second-order sections in float64. Each channel starts settled on its first sample, so an offset makes no
     transient. A sample that is NaN or infinite is replaced by the channel's last good one and counted; after
-    100 ms of them the channel starts afresh, settled, at its next good sample.
+    100 ms of them, or an infinite one, the channel starts afresh, settled, at its next good sample.
 
     Args:
         rate_hz: Sample rate, Hz.
@@ -157,8 +157,8 @@ class GraspIntent:
     the fused level change once two blocks in a row are on the same side of it (four for a single step back
     against the change before).
 
-    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of
-    them the channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good
+    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them,
+    or at once where it is infinite, the channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good
     again, its filters having started afresh. With every channel bad the last fused level is held, 1 if there
     was none.
 

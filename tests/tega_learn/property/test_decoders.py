@@ -52,11 +52,11 @@ def fresh(model: str = "ridge") -> LearnedDecoder:
 @pytest.mark.parametrize(
     "model", ["ridge", *(pytest.param(m, marks=pytest.mark.slow) for m in ("huber", "kernel"))]
 )
-@given(cuts=st.lists(st.integers(0, 6000), max_size=12), holes=st.lists(st.integers(0, 5999), max_size=200))
+@given(cuts=st.lists(st.integers(0, 2000), max_size=8), holes=st.lists(st.integers(0, 1999), max_size=60))
 def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes: list[int]) -> None:
-    emg = squeezes(seed=2)[0][:6000].copy()
+    emg = squeezes(seed=2, seconds=4)[0][:2000].copy()
     emg[holes, 1] = np.nan
-    emg[3000:3200, 2] = np.nan
+    emg[1000:1200, 2] = np.nan
     whole = fresh(model)
     whole.process(emg)
     parts = fresh(model)
@@ -67,21 +67,13 @@ def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes
     assert repr(reported) == repr([msgspec.structs.replace(one, end=0) for one in whole.decoded])
 
 
-@pytest.mark.slow
-@given(gains=st.lists(st.floats(1e-3, 1e3), min_size=3, max_size=3))
-def test_a_channel_s_gain_is_taken_out_by_fitting_with_it(gains: list[float]) -> None:
+@pytest.mark.parametrize("order", [[1, 2, 0], [2, 1, 0]])
+def test_the_order_of_channels_and_their_gains_do_not_matter_if_they_are_the_same(order: list[int]) -> None:
     emg, closure = squeezes(seconds=12)
-    other = fit(emg * gains, closure, rate_hz=RATE_HZ, tau=TAU)
+    other_emg = (emg * [1e-3, 1e3, 0.7])[:, order]
+    other = fit(other_emg, closure, rate_hz=RATE_HZ, tau=TAU)
     same = fit(emg, closure, rate_hz=RATE_HZ, tau=TAU)
-    np.testing.assert_allclose(other.process(emg * gains), same.process(emg), atol=1e-6)
-
-
-@given(order=st.permutations(range(3)))
-def test_the_order_of_channels_does_not_matter_if_it_is_the_same(order: list[int]) -> None:
-    emg, closure = squeezes(seconds=12)
-    other = fit(emg[:, order], closure, rate_hz=RATE_HZ, tau=TAU)
-    same = fit(emg, closure, rate_hz=RATE_HZ, tau=TAU)
-    np.testing.assert_allclose(other.process(emg[:, order]), same.process(emg), atol=1e-6)
+    np.testing.assert_allclose(other.process(other_emg), same.process(emg), atol=1e-6)
 
 
 @given(efforts=st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=50))
@@ -113,12 +105,13 @@ def test_autoregression_finds_the_coefficients_of_a_process() -> None:
     np.testing.assert_allclose(block_features(x[:, None], ("AR",)), [1.2, -0.6, 0, 0], atol=0.03)
 
 
-def test_missing_channels_hold_and_are_not_believed() -> None:
-    emg, _ = squeezes(seed=4)
+@pytest.mark.parametrize("value", [np.nan, 1023.0])
+def test_missing_channels_and_an_amplifier_at_its_limit_hold_and_are_not_believed(value: float) -> None:
+    emg, _ = squeezes(seed=4, seconds=6)
     decoder = fresh()
     before = decoder.process(emg[:3000])
     gone = emg[3000:5000].copy()
-    gone[:, 1] = np.nan
+    gone[:, 1] = value
     held = decoder.process(gone)
     assert (held == before[-1]).all()
     assert decoder.held.all()
@@ -126,22 +119,7 @@ def test_missing_channels_hold_and_are_not_believed() -> None:
     assert all(one.channels == (0, 0, 0) for one in decoder.decoded)
     decoder.process(emg[5000:6000])
     assert decoder.held.tolist() == [True] + [False] * 9
-
-
-def test_an_amplifier_at_its_limit_holds() -> None:
-    emg, _ = squeezes(seed=4)
-    decoder = fresh()
-    before = decoder.process(emg[:3000])
-    railed = emg[3000:4000].copy()
-    railed[:, 0] = 1023.0
-    assert (decoder.process(railed)[1:] == before[-1]).all() or decoder.held[1:].all()
-
-
-def test_what_is_like_nothing_known_is_held() -> None:
-    emg, _ = squeezes(seed=4)
-    decoder = fresh()
-    decoder.process(emg[:3000])
-    decoder.process(500 + (emg[3000:5000] - 500) * 1e4)
+    decoder.process(500 + (emg[3000:5000] - 500) * 1e4)  # like nothing known
     assert decoder.held[3:].all()
     assert (decoder.confidence[3:] <= 0.5).all()
 
@@ -150,7 +128,7 @@ def test_the_settings_state_which_share_is_held_at_most(options: LearnedOptions)
     assert options.model is not None
     model = load_model(options.model)
     rng = np.random.default_rng(7)
-    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 20)
+    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 6)
     emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
     shares = []
     for reject in (0.0, 0.05, 0.2):
@@ -178,7 +156,7 @@ def test_a_model_that_does_not_know_its_share_runs_and_is_refused_one(
 
 
 def test_a_model_is_a_file_that_gives_the_same(tmp_path: Path) -> None:
-    emg, _ = squeezes(seed=5)
+    emg, _ = squeezes(seed=5, seconds=4)
     for model in ("ridge", "kernel"):
         decoder = fresh(model)
         decoder.save(tmp_path / "model.json")
@@ -237,7 +215,7 @@ def test_a_log_that_teaches_nothing_is_refused(emg: Any, target: Any, text: str)
 
 
 @pytest.mark.parametrize(
-    "options", [{"features": ("X",)}, {"model": "forest"}, {"reject": 0.5}, {"tau": 2}, {"rate_hz": 50.0}]
+    "options", [{"features": ("X",)}, {"model": "forest"}, {"tau": 2}, {"rate_hz": 50.0}]
 )
 def test_options_that_cannot_be_used_are_refused(options: dict[str, Any]) -> None:
     with pytest.raises(InvalidValueError):
@@ -267,7 +245,7 @@ def ring(seed: int, turned: int = 0, gain: float = 1.0) -> tuple[NDArray[np.floa
     return rng.normal(size=(len(closure), 8)) * (3 + works * closure[:, None]), closure
 
 
-@given(turned=st.integers(-1, 1), gain=st.floats(0.5, 2.0))
+@pytest.mark.parametrize(("turned", "gain"), [(-1, 2.0), (0, 0.5), (1, 1.0), (1, 0.5)])
 def test_open_and_closed_are_told_apart_on_a_ring_that_was_turned(turned: int, gain: float) -> None:
     emg, closure = ring(2, turned, gain)
     decoder = LearnedDecoder(of_two().model)
@@ -289,15 +267,14 @@ def setup(**changes: Any) -> MuscleSetup:
     return MuscleSetup("raw", RATE_HZ, TAU, ("a", "b", "c"), (80.0,) * 3, "live")._replace(**changes)
 
 
-@pytest.fixture
-def options(tmp_path: Path) -> LearnedOptions:
+@pytest.fixture(scope="module")
+def options(tmp_path_factory: pytest.TempPathFactory) -> LearnedOptions:
     rng = np.random.default_rng(1)
     closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 4)
     emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
-    fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), person="p01").save(
-        tmp_path / "m.json"
-    )
-    return LearnedOptions(model=tmp_path / "m.json", person="p01")
+    file = tmp_path_factory.mktemp("model") / "m.json"
+    fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), person="p01").save(file)
+    return LearnedOptions(model=file, person="p01")
 
 
 def test_both_stages_keep_the_contract(options: LearnedOptions) -> None:

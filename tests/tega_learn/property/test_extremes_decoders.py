@@ -87,9 +87,7 @@ def test_what_follows_is_what_a_decoder_says_that_did_not_see_them(model: str, v
     BACK.hold(float(np.abs(after[20:] - wanted[20:]).max()))
 
 
-@settings(max_examples=10)
-@given(model=st.sampled_from(MODELS), exponent=st.floats(-9, 9))
-@example(model="ridge", exponent=-6.0)
+@pytest.mark.parametrize(("model", "exponent"), [("ridge", -6.0), ("ridge", 8.3), ("kernel", -9.0)])
 def test_the_unit_does_not_matter(model: str, exponent: float) -> None:
     emg, closure = squeezes(1)
     unit = 10.0**exponent
