@@ -13,9 +13,8 @@ from tega.errors import ConfigError, InvalidValueError, ShapeError
 from tega.stages.base import MuscleSetup
 from tega.stages.registry import stage_class
 from tega_learn.block_features import as_samples
-from tega_learn.judge import DecoderFigures, judge
 from tega_learn.learned import LearnedDecoder
-from tega_learn.score import PERCENTILES
+from tega_learn.score import PERCENTILES, DecoderFigures, judge
 from tega_learn.training import fit
 
 LEARNED: Final[dict[str, Literal["ridge", "huber", "kernel"]]] = {

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from tega_learn.compare import DecoderReport, Log, compare, two_halves
 from tega_learn.decoders import fit
-from tega_learn.judge import judge
+from tega_learn.score import judge
 
 ROOT = Path(__file__).resolve().parents[2]
 DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"

@@ -26,7 +26,7 @@ from tega.runtime.files.tables.table import Reading
 from tega_emulators.process import Emulator
 from tega_learn.compare import Log, two_halves
 from tega_learn.decoders import LearnedDecoder, fit
-from tega_learn.judge import DecoderFigures, judge
+from tega_learn.score import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow

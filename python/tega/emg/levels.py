@@ -158,9 +158,9 @@ class GraspIntent:
     against the change before).
 
     A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them,
-    or at once where it is infinite, the channel is bad and has no vote in any block it is bad in; after 100 ms of good samples it is good
-    again, its filters having started afresh. With every channel bad the last fused level is held, 1 if there
-    was none.
+    or at once where it is infinite, the channel is bad and has no vote in any block it is bad in; after 100 ms of
+    good samples it is good again, its filters having started afresh. With every channel bad the last fused level is
+    held, 1 if there was none.
 
     Args:
         rate_hz: Sample rate, Hz; above 100 Hz, which the low-pass needs.
@@ -277,10 +277,7 @@ def grasp_level(value: ArrayLike, maximum: ArrayLike) -> int | NDArray[np.int64]
     Args:
         value: Block mean; negative values and NaN are level 1, the open hand. Or an array of them.
         maximum: Block mean at maximum effort, in the same unit. Arrays are broadcast, such as (k, channels) against
-            (channels,).
-
-    Returns:
-        The level, 1 to 5; for arrays int64 of their common shape.
+            (channels,); the result is int64 of their common shape then.
 
     Raises:
         DtypeError: An array does not hold real numbers.
@@ -308,14 +305,8 @@ def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int | NDArray[np
     For three channels this is the printed rule. For any number the level with the most votes wins; where
     several share the most votes, the mean of all levels decides.
 
-    Args:
-        levels: Levels, 1 to 5, one a channel; an array may have leading axes, such as (k, channels).
-
-    Returns:
-        The fused level; for an array with leading axes int64 of those.
-
-    Raises:
-        InvalidValueError: There is no level, or one is not 1 to 5.
+    ``levels`` are 1 to 5, one a channel, else ``InvalidValueError``; for an array with leading axes, such as
+    (k, channels), the result is int64 of those.
 
     Example:
         >>> fuse_levels([1, 2, 5])
@@ -341,21 +332,19 @@ def channel_maxima(
     the 95th does not hang on one block.
 
     Args:
-        samples: The contraction, ``(n, channels)``; a single channel may be ``(n,)``. An array with leading axes,
-            ``(..., n, channels)``, holds a contraction of its own in each place.
+        samples: The contraction, ``(n, channels)``. An array with leading axes, ``(..., n, channels)``, holds a
+            contraction of its own in each place.
         rate_hz: Sample rate, Hz.
         tau: Samples per block.
         kind: "raw", "rectified" or "envelope".
         percentile: 0 to 100, linear between ranks.
 
     Returns:
-        Maxima, ``(channels,)``, or ``(..., channels)``, ``float64``, in the unit of ``samples``.
+        Maxima, ``(..., channels)``, ``float64``, in the unit of ``samples``.
 
     Raises:
         InvalidValueError: The rate, ``tau``, ``kind`` or ``percentile`` cannot be used.
         CalibrationError: A sample is not finite, there is no whole block, or a maximum is not above 0.
-        ShapeError: The samples are not two-dimensional.
-        DtypeError: The samples are not real numbers.
 
     Example:
         >>> import numpy as np

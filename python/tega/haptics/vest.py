@@ -78,12 +78,10 @@ def intensity(
 
     Args:
         value: The metric, in its own unit; any finite number, or an array of them.
-        maximum: The finger's calibrated maximum, same unit; finite and above 0. Arrays are broadcast.
+        maximum: The finger's calibrated maximum, same unit; finite and above 0. Arrays are broadcast; the result is
+            float64 of their common shape then.
         end_value: Share of full intensity at value 0, above 0 and below 0.5.
         law: ``"logistic"`` as printed, or ``"linear"``: 100 · value/maximum held within 0 to 100.
-
-    Returns:
-        0 to 100; for arrays float64 of their common shape, each element as for its numbers alone.
 
     Raises:
         DtypeError: An array does not hold real numbers.
@@ -171,10 +169,7 @@ class MotorLevels:
 
     @property
     def levels(self) -> NDArray[np.uint8]:
-        """Step of each motor, uint8 (n,), 0 to 15: the four bits that reach it.
-
-        ``(15 * percent + 50) // 100`` in integers.
-        """
+        """Step of each motor, uint8 (n,), 0 to 15: the four bits that reach it, ``(15 * percent + 50) // 100``."""
         return _native.motor_steps(self.intensities)
 
     def x40(self) -> NDArray[np.uint8]:
@@ -210,9 +205,6 @@ def vest_frame(
         mirror: ``"none"``: thumb at the wearer's left on both faces; ``"back"``: the back reversed;
             ``"all"``: both reversed, as for a left hand.
 
-    Returns:
-        The frame; its intensities are read-only.
-
     Raises:
         ShapeError: A face has not four numbers.
         DtypeError: A face holds something that is not a number.
@@ -232,19 +224,8 @@ def vest_intensities(
 ) -> NDArray[np.uint8]:
     """Fill the finger columns as :func:`vest_frame` does, for any number of moments.
 
-    Args:
-        front: (..., 4): thumb, index, middle, ring in percent.
-        back: The same fingers, likewise; the leading axes are broadcast.
-        layout: As for :func:`vest_frame`.
-        mirror: Likewise.
-
-    Returns:
-        uint8 (..., motors), percent: along the last axis the intensities of :func:`vest_frame`.
-
-    Raises:
-        ShapeError: The last axis of a face has not four numbers, or the leading axes do not go together.
-        DtypeError: A face holds something that is not a number.
-        InvalidValueError: A number is not finite, or layout or mirror is not known.
+    The faces are (..., 4), with leading axes that are broadcast; the result is uint8 (..., motors), percent: along
+    the last axis the intensities of :func:`vest_frame`, whose options and errors are these.
 
     Example:
         >>> vest_intensities([[80, 60, 40, 20], [0, 0, 0, 100]], [0] * 4)[:, :4]
@@ -283,12 +264,9 @@ class FeltMap:
     rounded half to even.
 
     Args:
-        threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order.
-        step: Percent, above 0 to 100: one number for all motors, or one for each of 40 in the wearer's order.
-
-    Attributes:
-        threshold: Threshold of each of 40 motors, float64 (40,), read-only.
-        step: Step of each of 40 motors, float64 (40,), read-only.
+        threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order; kept as
+            float64 (40,), read-only.
+        step: Likewise, above 0 to 100.
 
     Raises:
         InvalidValueError: A number is out of its range or not finite.
@@ -307,8 +285,7 @@ class FeltMap:
         if not steps.all():
             raise InvalidValueError("step = 0 is out of range: above 0 to 100 percent")
         n_steps = float(np.min((100.0 - thresholds) / steps))
-        self.threshold: NDArray[np.float64] = thresholds
-        self.step: NDArray[np.float64] = steps
+        self.threshold, self.step = thresholds, steps
         shares = np.arange(101)[:, np.newaxis] / 100.0
         table = np.clip(np.rint(thresholds + shares * n_steps * steps), 0, 100).astype(np.uint8)
         table[0] = 0
@@ -332,15 +309,8 @@ def contact_type(cci_norm: float, eda_norm: float) -> ContactType:
     """Name a contact by the paper's reading rule.
 
     High is :data:`HIGH_SHARE` of the maximum or more. High CCI with low EDA is ``"focal"``, low CCI with high EDA is
-    ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. :data:`CONTACT_RULES` describes each
-    type.
-
-    Args:
-        cci_norm: CCI divided by the finger's maximum, 0 or more.
-        eda_norm: EDA divided by the finger's maximum, 0 or more.
-
-    Raises:
-        InvalidValueError: A share is negative or not finite.
+    ``"broad"``, both high or both low is ``"mixed"``, EDA = 0 is ``"none"``. Both are shares of the finger's maximum,
+    0 or more, else ``InvalidValueError``.
 
     Example:
         >>> contact_type(0.9, 0.2)

@@ -29,14 +29,14 @@ class PlaceOptions(SlipRowOptions, frozen=True):
     """Options of the mapping ``place``: those of ``slip-row``, and these; ``rows`` counts where ``blend`` is ``all``.
 
     Attributes:
-        blend: Between two motors: ``energy`` shares the power, so that a place between them is felt as strong as one;
-            ``linear`` shares the intensity; ``nearest`` takes one; ``all`` lights every motor, as ``columns`` does.
+        blend: Between two motors ``energy`` shares the power, so that a place between them is felt as strong as one;
+            ``all`` lights every motor, as ``columns`` does.
         picture_px: Width and height of the fingertips' pictures.
         tip: Side of the picture at which the fingertip's end is; it is shown at the top.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "none"
-    blend: Literal["energy", "linear", "nearest", "all"] = "energy"
+    blend: Literal["energy", "all"] = "energy"
     picture_px: tuple[_Pixels, _Pixels] = (320, 240)
     tip: Literal["up", "down", "left", "right"] = "up"
 
@@ -48,8 +48,8 @@ class PlaceMapping(SlipRowMapping):
     moves along the rows. A face's columns are divided among the fingers in use, or lists of fingers: with four each has
     one; with one finger it has all four, and the contact moves across them, too. With d the distance from the place to
     a motor, in motors, and w = max(1 - abs(d), 0) along each axis, a motor shows ``sqrt(w)`` of the intensity
-    (``energy``: Israr and Poupyrev 2011, "Tactile brush", doi 10.1145/1978942.1979235) or ``w`` (``linear``). A contact
-    with an unknown centroid is shown by all the finger's motors.
+    (Israr and Poupyrev 2011, "Tactile brush", doi 10.1145/1978942.1979235). A contact with an unknown centroid is
+    shown by all the finger's motors.
     """
 
     summary: ClassVar[str] = "the contact's place on the fingertip moves the motors that vibrate"
@@ -105,10 +105,6 @@ class PlaceMapping(SlipRowMapping):
 
     def _weight(self, at: tuple[float, float], row: int, n_rows: int, column: int, n_columns: int) -> float:
         """Return the share of the intensity that a motor shows of a contact at a place."""
-        weight = 1.0
-        for share, place, n in ((at[1], row, n_rows), (at[0], column, n_columns)):
-            wanted = share * (n - 1)
-            if self._place.blend == "nearest":
-                wanted = math.floor(wanted + 0.5)
-            weight *= max(0.0, 1 - abs(wanted - place))
-        return math.sqrt(weight) if self._place.blend == "energy" else weight
+        down = max(0.0, 1 - abs(at[1] * (n_rows - 1) - row))
+        right = max(0.0, 1 - abs(at[0] * (n_columns - 1) - column))
+        return math.sqrt(down * right)

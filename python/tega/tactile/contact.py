@@ -320,12 +320,6 @@ def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
     Contact adds shading: the baseline is the median of the frames with the least structure, wherever they lie in the
     recording; frames of another brightness, as a camera gives just after its start, are left out.
 
-    Args:
-        frames: uint8 (H, W, 3) each, all of one size.
-
-    Returns:
-        uint8 (H, W, 3).
-
     Raises:
         DtypeError: A frame is not a uint8 array.
         ShapeError: A frame is not (H, W, 3), or not of the size of the first.

@@ -166,8 +166,7 @@ def sensor_noise(
 
     Returns:
         Standard deviation of a cell's mean (8 x 8 pixels at 320 x 240), counts: blue, green, red whatever
-        ``order`` is.
-        At least 0.4 and at most 4 times that of a DIGIT.
+        ``order`` is. At least 0.4 and at most 4 times that of a DIGIT.
 
     Raises:
         DtypeError: A frame is not a uint8 array.
@@ -244,10 +243,8 @@ class TouchTracker:
         """Take the last picture for that of the untouched gel, however it differs from the baseline.
 
         Whatever touches then is not felt until it moves: ask for it only while nothing does. The next pictures are
-        averaged with that one. Before the first picture the baseline stays.
-
-        Returns:
-            Whether it was taken: a dark picture is none.
+        averaged with that one. Before the first picture the baseline stays. Returns whether it was taken: a dark
+        picture is none.
         """
         return self._tracker.rezero()
 
@@ -258,18 +255,13 @@ class TouchTracker:
 
         Args:
             frame: The image, uint8 of the baseline's shape, borrowed.
-            dt_s: Time since the frame before, seconds, where it is not 1 / ``rate_hz``: frames were dropped, or
-                the camera is uneven.
+            dt_s: Time since the frame before, 0 to 1e6 seconds, where it is not 1 / ``rate_hz``: frames were dropped,
+                or the camera is uneven.
             loaded: If true, another finger bears a load: then a quick fall is a release only if little is left of the
                 contact, and the rest is not updated.
 
-        Returns:
-            The contact.
-
         Raises:
-            DtypeError: The frame is not a uint8 array.
-            ShapeError: It is not of the baseline's shape; the tracker is as before.
-            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
+            TegaError: The frame or ``dt_s`` is not as above; the tracker is as before.
         """
         return self._tracker.update(frame, dt_s=dt_s, loaded=loaded)
 
@@ -280,10 +272,6 @@ class TouchTracker:
 
         ``sums`` are int16 (3, cells), for each byte of a pixel the cells row by row; a frame of 320 x 240 has 1,200
         cells. All else is as for :meth:`update`.
-
-        Raises:
-            ShapeError: There are not as many sums as the baseline has such cells; the tracker is as before.
-            InvalidValueError: ``dt_s`` is not from 0 to 1e6.
         """
         return self._tracker.update_sums(sums, dt_s=dt_s, loaded=loaded)
 
@@ -307,13 +295,7 @@ def update_fingers(
     A finger is ``loaded`` if another one was in contact before and its frame has not just fallen: most motion at one
     finger while others hold the object is no release.
 
-    Args:
-        trackers: One a finger, each once.
-        frames: A frame for each, as for :meth:`TouchTracker.update`.
-        dt_s: Time since the frames before, seconds, where it is not one period.
-
-    Returns:
-        The contacts, in the order of the trackers.
+    Each tracker comes once, with a frame of its own, as for :meth:`TouchTracker.update`.
 
     Raises:
         DtypeError: A frame is not a uint8 array; no tracker has taken any.
