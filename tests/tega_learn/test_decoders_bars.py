@@ -7,42 +7,22 @@ second. The swapped halves stand beside them, and docs/evidence/emg-decoders.md 
 
 from __future__ import annotations
 
-import os
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.squeezes import DATA, squeezes, there
 from tega_learn.compare import DecoderReport, Log, compare, two_halves
 from tega_learn.decoders import fit
 from tega_learn.score import judge
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg"
 BARS = {"v1": 0.86, "v2": 0.94, "v8": 0.94, "v10": 0.94, "v6": 0.90, "v12": 0.85}
 FOLLOWED_BY_THE_RULE = ("v1", "v2", "v8", "v10")
-CHANNELS = (3, 6, 8)
 
 
 pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-
-
-def there(path: Path) -> Path:
-    if not path.exists():
-        pytest.skip(f"{path} is not there; set TEGA_DATA to the folder of the shared recordings")
-    return path
-
-
-@cache
-def squeezes(name: str) -> Log:
-    scipy_io = pytest.importorskip("scipy.io", reason="scipy is not installed")
-    loaded = scipy_io.loadmat(there(DATA / "my_thesis" / f"recording_force_{name}.mat"))
-    force = np.asarray(loaded["Force"], np.float64).ravel()
-    emg = np.asarray(loaded["emg"], np.float64)[:, [c - 1 for c in CHANNELS]]
-    n = min(len(emg), len(force))
-    return Log(name, emg[:n], force[:n], 200.0)
 
 
 @cache

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from reference.squeezes import squeezes
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 from tega.ui.cli.main import main
 from tega_learn.score import (
@@ -19,27 +18,14 @@ from tega_learn.score import (
     score_recording,
 )
 
-ROOT = Path(__file__).resolve().parents[3]
-DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data")) / "emg" / "my_thesis"
 RECORDINGS = ("v1", "v2", "v8", "v10")
-CHANNELS = (3, 6, 8)
-
-
-def recording(name: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    path = DATA / f"recording_force_{name}.mat"
-    if not path.exists():
-        pytest.skip(f"{path} is not there; set TEGA_DATA to the folder of the shared recordings")
-    scipy_io = pytest.importorskip("scipy.io", reason="scipy is not installed")
-    loaded = scipy_io.loadmat(path)
-    force = np.asarray(loaded["Force"], np.float64).ravel()
-    emg = np.asarray(loaded["emg"], np.float64)[:, [c - 1 for c in CHANNELS]]
-    rows = min(len(emg), len(force))
-    return emg[:rows], force[:rows]
 
 
 @pytest.fixture(scope="module")
 def scores() -> dict[str, RecordingScore]:
-    return {name: score_recording(*recording(name), 200, tau=20) for name in RECORDINGS}
+    return {
+        one.name: score_recording(one.samples, one.target, 200, tau=20) for one in map(squeezes, RECORDINGS)
+    }
 
 
 def test_live_reaches_its_targets_over_the_graded_recordings(scores: dict[str, RecordingScore]) -> None:

@@ -48,9 +48,8 @@ def picture_files(tmp_path: Path) -> tuple[Path, Path]:
     return written(tmp_path, model(PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]), PICTURE_CARD)
 
 
-@pytest.fixture
-def emg_files(tmp_path: Path) -> tuple[Path, Path]:
-    return written(tmp_path, model(EMG_WEIGHTS, [1, 3, 100], square=True), EMG_CARD)
+def emg_files(folder: Path) -> tuple[Path, Path]:
+    return written(folder, model(EMG_WEIGHTS, [1, 3, 100], square=True), EMG_CARD)
 
 
 def metric_options(files: tuple[Path, Path], **more: Any) -> OnnxMetricOptions:
@@ -77,17 +76,17 @@ def test_the_metric_gives_the_runtime_s_own_numbers_a_delay_later(picture_files)
         assert [one.value for one in contact.more] == pytest.approx(wanted(of), rel=1e-4, abs=1e-4)
 
 
-def test_the_metric_keeps_the_contract_of_a_stage(picture_files) -> None:
+def test_both_keep_the_contract_of_a_stage(picture_files, tmp_path: Path) -> None:
     check_stage(OnnxMetric, metric_options(picture_files, delay_ms=1000.0))
+    (tmp_path / "emg").mkdir()
+    file, card = emg_files(tmp_path / "emg")
+    check_stage(OnnxDecoder, OnnxDecoderOptions(model=file, card=card, delay_ms=500.0))
 
 
-def test_the_decoder_keeps_the_contract_of_a_stage(emg_files) -> None:
-    check_stage(OnnxDecoder, OnnxDecoderOptions(model=emg_files[0], card=emg_files[1], delay_ms=500.0))
-
-
-def test_the_decoder_gives_the_closure_of_the_window_before_and_holds_on_a_fault(emg_files) -> None:
+def test_the_decoder_gives_the_closure_of_the_window_before_and_holds_on_a_fault(tmp_path: Path) -> None:
     setup = MuscleSetup("raw", 1000.0, 100, ("a", "b", "c"), (10.0, 10.0, 10.0), "live")
-    decoder = OnnxDecoder(setup, OnnxDecoderOptions(model=emg_files[0], card=emg_files[1], delay_ms=500.0))
+    file, card = emg_files(tmp_path)
+    decoder = OnnxDecoder(setup, OnnxDecoderOptions(model=file, card=card, delay_ms=500.0))
     samples = np.repeat([0.0, 5.0, 10.0], 200)[:, None] * np.ones(3)
     times = np.arange(1, 601) * 1_000_000
     intents = decoder.decode(samples, times)

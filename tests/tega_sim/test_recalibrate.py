@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import tomllib
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.squeezes import squeezes
 from reference.wizard import Wizard, records
 from tega.config import load_config
 from tega.config.calibration.folder import CalibrationFolder, device_name
@@ -21,8 +21,6 @@ from tega.config.choose import block_s
 from tega.config.person import driver_settings
 from tega.devices.registry import driver_class
 from tega.loop.maxima import emg_conditions
-from tega.runtime.files.signals import read_signals
-from tega.runtime.files.tables.table import Reading
 from tega_emulators.process import Emulator
 from tega_learn.compare import Log, two_halves
 from tega_learn.decoders import LearnedDecoder, fit
@@ -44,20 +42,6 @@ class TenSeconds(NamedTuple):
 
     rest: NDArray[np.float64]
     effort: NDArray[np.float64]
-
-
-def squeeze(folder: Path, name: str) -> Log:
-    """Return EMG of channels 3, 6 and 8 beside a force.
-
-    Args:
-        folder: Of the shared recordings.
-        name: One of the recordings.
-    """
-    file = folder / "emg" / "my_thesis" / f"recording_force_{name}.mat"
-    emg = read_signals(file, Reading(channels=(3, 6, 8))).samples
-    force = read_signals(file, Reading(channels=(1,), variable="Force")).samples
-    n = min(len(emg), len(force))
-    return Log(name, emg[:n], force[:n, 0], 200.0)
 
 
 def shifted_electrode(log: Log, *, seed: int, places: int) -> Log:
@@ -91,8 +75,6 @@ def judged_closure(decoder: LearnedDecoder, log: Log) -> DecoderFigures:
     return judge(closure, decoder.levels, wanted, tau / log.rate_hz)
 
 
-ROOT = Path(__file__).resolve().parents[2]
-DATA = Path(os.environ.get("TEGA_DATA", ROOT.parent / "shared" / "data"))
 CHANNELS = ("ch1", "ch2", "ch3")
 Samples = NDArray[np.float64]
 
@@ -190,9 +172,7 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
     """Real EMG, judged on the second half; the shift is simulated: channels rotated, gains drawn anew."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     pytest.importorskip("scipy", reason="scipy is not installed")
-    if not (DATA / "emg" / "my_thesis").is_dir():
-        pytest.skip(f"{DATA} is not there; set TEGA_DATA to the folder of the shared recordings")
-    whole = squeeze(DATA, name)
+    whole = squeezes(name)
     scale = 250 / np.abs(whole.samples).max()  # counts of the emulated board, with room for gains of 2
     learn, judged = two_halves(whole._replace(samples=scale * whole.samples))
     old = fit(learn.samples, learn.target, rate_hz=200, tau=20, channels=CHANNELS, person="p01")

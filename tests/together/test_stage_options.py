@@ -233,22 +233,3 @@ def test_an_option_that_changes_nothing_is_found() -> None:
 
     assert not has_effect("mapping", Idle, "idle", Context())
     assert has_effect("mapping", Idle, "contact", Context())
-
-
-COMPUTED = [
-    stage
-    for stage in STAGES
-    if stage.options and not getattr(stage_class(stage.group, stage.name), "outside", False)  # type: ignore[arg-type]
-]
-
-
-@pytest.mark.parametrize("stage", COMPUTED, ids=lambda stage: f"{stage.group}-{stage.name}")
-def test_the_same_options_give_the_same(
-    stage: StageRecord, context_of: Callable[[StageRecord], Context]
-) -> None:
-    kind: Any = stage_class(stage.group, stage.name)  # type: ignore[arg-type]
-    given = {name: values[0] for name, values in context_of(stage).given.items()}
-    run = find(RUNS[stage.group](kind), lambda _: True, settings=SEARCH)
-    first = _output(kind, run, given)
-    assert first is not None
-    assert _output(kind, run, given) == first

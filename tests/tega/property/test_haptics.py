@@ -92,14 +92,6 @@ def test_the_forty_hold_the_layouts_motors_and_nothing_new(
         np.testing.assert_array_equal(x40, full.intensities)
 
 
-@given(front=four, back=four, layout=layouts)
-def test_mirroring_all_is_reversing_the_fingers(
-    front: list[float], back: list[float], layout: Layout
-) -> None:
-    mirrored = vest_frame(front, back, layout=layout, mirror="all")
-    assert mirrored == vest_frame(front[::-1], back[::-1], layout=layout)
-
-
 @given(cci=st.floats(0, 2), eda=st.floats(0, 2))
 def test_the_reading_rule(cci: float, eda: float) -> None:
     if eda == 0:
@@ -125,11 +117,3 @@ def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(
     for got, i, t, s in zip(felt, intensities, threshold, step, strict=True):
         exact = t + Fraction(i, 100) * n * Fraction(s) if i else Fraction(0)
         assert abs(got - exact) <= Fraction(1, 2) + Fraction(1, 10**9)
-
-
-@given(layout=layouts, front=four, back=four)
-def test_without_threshold_and_with_equal_steps_nothing_changes(
-    layout: Layout, front: list[float], back: list[float]
-) -> None:
-    frame = vest_frame(front, back, layout=layout)
-    assert FeltMap(step=7).apply(frame) == frame

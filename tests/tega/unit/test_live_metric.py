@@ -29,10 +29,6 @@ def marked() -> np.ndarray:
     return frame
 
 
-def request(bus: Bus) -> None:
-    bus.publish(Button(seat=REZERO_SEAT, t_ns=0, seq=0, button="page", pressed=True))
-
-
 def seen(metric: Metric, frames: int, from_ns: int = 0) -> Contact:
     for k in range(frames):
         contact = metric.update(marked(), from_ns + k * 16_666_667)
@@ -51,23 +47,16 @@ def test_a_dent_that_stays_is_no_contact_after_a_request() -> None:
     assert (report.n_rezeroed, report.n_rezero_refused) == (1, 0)
 
 
-def test_a_request_is_refused_while_another_finger_bears_a_load() -> None:
-    bus, report, metric = Bus(), SourceReport(), preset_metric("live", STILL)
+@pytest.mark.parametrize("preset", ["live", "paper"])
+def test_a_request_is_refused_under_load_and_by_a_metric_without_such_a_baseline(preset: str) -> None:
+    bus, report, metric = Bus(), SourceReport(), preset_metric(preset, STILL)
     rezero = FingerRezero(bus, metric, report)
     seen(metric, 30)
-    metric.loaded = True
-    request(bus)
+    metric.loaded = preset == "live"
+    bus.publish(Button(seat=REZERO_SEAT, t_ns=0, seq=0, button="page", pressed=True))
     assert not rezero.before_picture()
     assert (report.n_rezeroed, report.n_rezero_refused) == (0, 1)
     assert seen(metric, 5, 10**9).in_contact
-
-
-def test_a_metric_without_such_a_baseline_refuses() -> None:
-    bus, report = Bus(), SourceReport()
-    rezero = FingerRezero(bus, preset_metric("paper", STILL), report)
-    request(bus)
-    assert not rezero.before_picture()
-    assert report.n_rezero_refused == 1
 
 
 def pressed(light: GelLight | None, shape: tuple[int, int]) -> TrackedContact:
