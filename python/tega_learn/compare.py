@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
@@ -171,3 +172,26 @@ def _run(
     level = np.array([i.level if i.closure is None else np.floor(4 * i.closure + 1.5) for i in newest])
     sure = np.array([np.nan if i.confidence is None else i.confidence for i in newest])
     return closure, level, sure, np.array([i.confidence == 0 for i in newest])
+
+
+def draw_decoders(parts: list[tuple[str, float, list[DecoderReport]]], file: Path) -> None:
+    """Draw a picture, a row a decoder and a column a part: its title, block length in s, and decoders' results."""
+    from tega.ui.view.figures import new_figure
+
+    rows = max(len(reported) for _, _, reported in parts)
+    figure = new_figure(figsize=(5.5 * len(parts), 1.5 * rows + 0.6))
+    panels = figure.subplots(rows, len(parts), sharex="col", sharey=True, squeeze=False)
+    for column, (title, block_s, reported) in enumerate(parts):
+        for row, one in enumerate(reported):
+            panel = panels[row, column]
+            t_s = np.arange(1, len(one.closure) + 1) * block_s
+            panel.fill_between(t_s, one.target, color="0.85", linewidth=0)
+            panel.plot(t_s, one.closure, linewidth=1.0)
+            panel.set_title(f"{one.decoder}: rank {one.figures.rank_correlation:.2f}", fontsize=8, loc="left")
+            panel.tick_params(labelsize=7)
+        panels[0, column].set_title(
+            f"{title}\n{panels[0, column].get_title(loc='left')}", fontsize=8, loc="left"
+        )
+        panels[-1, column].set_xlabel("time (s)", fontsize=8)
+    figure.supylabel("closure 0 to 1; grey: target", fontsize=8)
+    figure.savefig(file)

@@ -8,13 +8,12 @@ Example:
     >>> force = np.tile(np.repeat([0.0, 2.0, 0.0, 1.0], 400), 2)
     >>> swing = np.where(np.arange(3200) // 2 % 2, 1.0, -1.0)
     >>> score = score_recording((force * swing)[:, None], force, 200, tau=20, kind="raw")
-    >>> score.live.rank_correlation > 0.9
+    >>> score["live"].rank_correlation > 0.9
     True
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import msgspec
@@ -33,30 +32,6 @@ CLOSING: Final = 0.125
 """Half of level 2: the hand begins to close."""
 _SETTLED_S: Final = 0.5
 _CONFIDENCE_BINS: Final = 5
-
-
-@dataclass(frozen=True)
-class PresetScore:
-    """Figures of one preset on one recording."""
-
-    rank_correlation: float
-    """Spearman's, of fused level with force; NaN where either never changes."""
-    changes_per_s: float
-    """Changes of the fused level per second."""
-    delay_s: float
-    """How much later than the levels of `paper` the fused levels come, s; NaN where either never changes."""
-
-
-@dataclass(frozen=True)
-class RecordingScore:
-    """Figures of both presets on the judged part of one recording."""
-
-    duration_s: float
-    """Length of the judged part, s."""
-    paper: PresetScore
-    """The printed law."""
-    live: PresetScore
-    """The reading made for people."""
 
 
 class DecoderFigures(msgspec.Struct, frozen=True, kw_only=True):
@@ -211,20 +186,14 @@ def judge(
 
 
 def score_recording(
-    samples: ArrayLike,
-    force: ArrayLike,
-    rate_hz: float,
-    *,
-    tau: int,
-    kind: InputKind = "raw",
-) -> RecordingScore:
-    """Score both presets on one recording of EMG and force.
+    samples: ArrayLike, force: ArrayLike, rate_hz: float, *, tau: int, kind: InputKind = "raw"
+) -> dict[Preset, DecoderFigures]:
+    """Score both presets of the rules on one recording of EMG and force.
 
     The first half of the recording gives the maxima (`channel_maxima`: the largest block mean for "paper", the
     95th percentile for "live"); the rest, run from a fresh start, is judged against the force averaged over the
-    same blocks. It has to hold three blocks of ``tau`` samples or more.
-    ``samples`` are ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same
-    instants, any unit.
+    same blocks, as shares of its largest. It has to hold three blocks of ``tau`` samples or more. ``samples`` are
+    ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same instants, any unit.
     """
     emg, measured = np.asarray(samples), np.asarray(force, np.float64)
     if measured.ndim != 1 or len(measured) != len(emg):
@@ -238,21 +207,16 @@ def score_recording(
             f"the judged part has {len(wanted)} blocks of tau = {tau} samples, at least 3 are needed",
             "use a longer recording or a smaller tau",
         )
+    wanted /= wanted.max() or 1.0
     levels: dict[Preset, NDArray[np.int64]] = {}
     for preset, percentile in PERCENTILES.items():
         maxima = channel_maxima(emg[:start], rate_hz, tau=tau, kind=kind, percentile=percentile)
         intent = GraspIntent(rate_hz, maxima, tau=tau, kind=kind, preset=preset)
         levels[preset] = intent.process(emg[start:])
-    block_s = tau / rate_hz
-    scores = {
-        preset: PresetScore(
-            rank_correlation=rank_correlation(fused, wanted),
-            changes_per_s=changes_per_second(fused, block_s),
-            delay_s=delay_s(fused, levels["paper"], block_s),
-        )
+    return {
+        preset: judge((fused - 1) / 4, fused, wanted, tau / rate_hz, paper=levels["paper"])
         for preset, fused in levels.items()
     }
-    return RecordingScore(duration_s=len(wanted) * block_s, paper=scores["paper"], live=scores["live"])
 
 
 def _pair(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

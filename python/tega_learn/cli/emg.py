@@ -12,9 +12,10 @@ from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_opti
 from tega_learn.logs import emg_beside, force_log, read_log, read_tracked, target_option
 
 if TYPE_CHECKING:
+    from tega.emg import Preset
     from tega.runtime.files.tables.table import Reading
     from tega_learn.compare import DecoderReport
-    from tega_learn.score import RecordingScore
+    from tega_learn.score import DecoderFigures
 
 
 @click.command(
@@ -184,7 +185,7 @@ def compare(
             rows += [where | {"decoder": one.decoder} | one.figures.as_json() for one in reported]
             drawn.append((f"{log.name}, {judged_on}", log.tau / log.rate_hz, reported))
     if picture is not None:
-        from tega_learn.figures import draw_decoders
+        from tega_learn.compare import draw_decoders
 
         draw_decoders(drawn, picture)
     if as_json:
@@ -258,33 +259,40 @@ def score(*, files: tuple[Path, ...], force: str, kind: Any, reading: Reading, a
     the force, changes of level per second, and the delay of `live` behind `paper`. With --json: a list of
     objects, one per file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
     """
-    from dataclasses import asdict
-
     from tega_learn.score import score_recording
 
-    scores: dict[str, RecordingScore] = {}
+    scores: dict[str, dict[Preset, DecoderFigures]] = {}
     for file in files:
         samples, measured, rate_hz = emg_beside(file, force, "--force", reading)
         tau = max(1, round(BLOCK_S * rate_hz))
         scores[file.name] = score_recording(samples, measured, rate_hz, tau=tau, kind=kind)
-    if as_json:
-        echo_json([{"file": name, **asdict(score)} for name, score in scores.items()])
-    else:
+    if not as_json:
         _print_scores(scores)
+        return
+    echo_json(
+        [
+            {"file": name, "duration_s": score["live"].duration_s}
+            | {preset: dict(zip(_SCORED, _scored(one), strict=True)) for preset, one in score.items()}
+            for name, score in scores.items()
+        ]
+    )
 
 
-def _print_scores(scores: dict[str, RecordingScore]) -> None:
+_SCORED = ("rank_correlation", "changes_per_s", "delay_s")
+
+
+def _scored(figures: DecoderFigures) -> tuple[float, float, float]:
+    return figures.level_rank_correlation, figures.changes_per_s, figures.level_delay_s
+
+
+def _print_scores(scores: dict[str, dict[Preset, DecoderFigures]]) -> None:
     import numpy as np
     from rich.console import Console
 
     from tega.ui.cli.report import figures_table
 
     table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
-    rows: list[tuple[float, ...]] = []
-    for score in scores.values():
-        paper, live = score.paper, score.live
-        figures = (paper.rank_correlation, paper.changes_per_s, live.rank_correlation, live.changes_per_s)
-        rows.append((*figures, live.delay_s))
+    rows = [(*_scored(score["paper"])[:2], *_scored(score["live"])) for score in scores.values()]
     named = list(zip(scores, rows, strict=True))
     if len(rows) > 1:
         named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
