@@ -5,11 +5,10 @@ A line is ``511,512,513`` and CR LF, counts of a 10-bit converter about its midd
 
 from __future__ import annotations
 
-import argparse
-import random
+from typing import Any
 
-from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import EmulatedBoard, add_options, serve
+from tega_emulators.faults import Signal
+from tega_emulators.serial_board import EmulatedBoard, run_board
 
 __all__ = ["AsciiBoard", "main"]
 
@@ -44,25 +43,14 @@ class AsciiBoard(EmulatedBoard):
 
 def main() -> None:
     """Run the board."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_options(parser)
-    parser.add_argument("--rate", type=float, default=500.0, help="lines per second")
-    parser.add_argument("--channels", type=int, default=3)
-    parser.add_argument("--baud", type=int, default=115_200)
-    parser.add_argument("--stamp", action="store_true", help="put milliseconds first on a line")
-    parser.add_argument("--banner", default="", help="what the board says when it starts")
-    options = parser.parse_args()
-    rng = random.Random(options.seed)
-    signal = Signal(options.rate, rng, options.signal)
-    board = AsciiBoard(
-        signal,
-        rate_hz=options.rate,
-        n_channels=options.channels,
-        baud=options.baud,
-        stamp=options.stamp,
-        banner=options.banner,
-    )
-    serve(board, signal, Faults(rng), options)
+    options: dict[str, dict[str, Any]] = {
+        "--rate": {"type": float, "default": 500.0, "dest": "rate_hz", "help": "lines per second"},
+        "--channels": {"type": int, "default": 3, "dest": "n_channels"},
+        "--baud": {"type": int, "default": 115_200},
+        "--stamp": {"action": "store_true", "help": "put milliseconds first on a line"},
+        "--banner": {"default": "", "help": "what the board says when it starts"},
+    }
+    run_board(__doc__, AsciiBoard, options)
 
 
 if __name__ == "__main__":

@@ -8,14 +8,12 @@ differently (upsidedownlabs/Chords-Arduino-Firmware, ``UNO-R4/UNO-R4.ino`` of Oc
 
 from __future__ import annotations
 
-import argparse
-import random
 import time
 from collections.abc import Callable
-from typing import Final
+from typing import Any, Final
 
-from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import EmulatedBoard, add_options, serve
+from tega_emulators.faults import Signal
+from tega_emulators.serial_board import EmulatedBoard, run_board
 
 __all__ = ["GENERATIONS", "ChordsBoard", "main"]
 
@@ -134,27 +132,15 @@ class ChordsBoard(EmulatedBoard):
 
 def main() -> None:
     """Run the board."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_options(parser)
-    parser.add_argument("--name", default="NPG-LITE")
-    parser.add_argument("--rate", type=float, default=500.0)
-    parser.add_argument("--bits", type=int, default=12)
-    parser.add_argument("--channels", type=int, default=3)
-    parser.add_argument("--baud", type=int, default=230_400)
-    parser.add_argument("--generation", type=int, choices=GENERATIONS, default=GENERATIONS[-1])
-    options = parser.parse_args()
-    rng = random.Random(options.seed)
-    signal = Signal(options.rate, rng, options.signal)
-    board = ChordsBoard(
-        signal,
-        name=options.name,
-        rate_hz=options.rate,
-        bits=options.bits,
-        n_channels=options.channels,
-        baud=options.baud,
-        generation=options.generation,
-    )
-    serve(board, signal, Faults(rng), options)
+    options: dict[str, dict[str, Any]] = {
+        "--name": {"default": "NPG-LITE"},
+        "--rate": {"type": float, "default": 500.0, "dest": "rate_hz"},
+        "--bits": {"type": int, "default": 12},
+        "--channels": {"type": int, "default": 3, "dest": "n_channels"},
+        "--baud": {"type": int, "default": 230_400},
+        "--generation": {"type": int, "choices": GENERATIONS, "default": GENERATIONS[-1]},
+    }
+    run_board(__doc__, ChordsBoard, options)
 
 
 if __name__ == "__main__":

@@ -6,11 +6,11 @@ bytes, 0xC0. Text answers end in ``$$$``; none is given while it streams. A step
 
 from __future__ import annotations
 
-import argparse
 import random
+from typing import Any
 
-from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import EmulatedBoard, add_options, serve
+from tega_emulators.faults import Signal
+from tega_emulators.serial_board import EmulatedBoard, run_board
 
 __all__ = ["CytonBoard", "main"]
 
@@ -143,27 +143,14 @@ class CytonBoard(EmulatedBoard):
 
 def main() -> None:
     """Run the board."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_options(parser)
-    parser.add_argument("--firmware", default="v3.1.2")
-    parser.add_argument("--board-off", action="store_true", help="only the dongle answers")
-    parser.add_argument("--streaming", action="store_true", help="left streaming by a crashed program")
-    parser.add_argument("--daisy", choices=("obeys", "deaf", "hidden"), default="", help="it has 16 channels")
-    parser.add_argument(
-        "--shifted", type=float, default=0.0, help="share of packets with a second header byte"
-    )
-    options = parser.parse_args()
-    rng = random.Random(options.seed)
-    signal = Signal(CytonBoard.rate_hz, rng, options.signal)
-    board = CytonBoard(
-        signal,
-        firmware=options.firmware,
-        board_off=options.board_off,
-        streaming=options.streaming,
-        daisy=options.daisy,
-        shifted=options.shifted,
-    )
-    serve(board, signal, Faults(rng), options)
+    options: dict[str, dict[str, Any]] = {
+        "--firmware": {"default": "v3.1.2"},
+        "--board-off": {"action": "store_true", "help": "only the dongle answers"},
+        "--streaming": {"action": "store_true", "help": "left streaming by a crashed program"},
+        "--daisy": {"choices": ("obeys", "deaf", "hidden"), "default": "", "help": "it has 16 channels"},
+        "--shifted": {"type": float, "default": 0.0, "help": "share of packets with a second header byte"},
+    }
+    run_board(__doc__, CytonBoard, options, rate_hz=CytonBoard.rate_hz)
 
 
 if __name__ == "__main__":

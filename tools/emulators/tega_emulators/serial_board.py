@@ -15,13 +15,14 @@ import termios
 import time
 import tty
 from collections import deque
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from tega_emulators.faults import FAULTS, SIGNALS, Faults, Signal
 from tega_emulators.pipe import notify, obey
 
-__all__ = ["EmulatedBoard", "add_options", "serve"]
+__all__ = ["EmulatedBoard", "run_board"]
 
 # So many packets' times are remembered, which `sent` tells.
 _KEPT = 4096
@@ -55,25 +56,41 @@ class EmulatedBoard:
         return b""
 
 
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options that every serial emulator has."""
+def run_board(
+    about: str | None,
+    make: Callable[..., EmulatedBoard],
+    options: Mapping[str, Mapping[str, Any]],
+    *,
+    rate_hz: float | None = None,
+) -> None:
+    """Run the board of a command line until its standard input closes or has ``quit``.
+
+    Args:
+        about: What ``--help`` says.
+        make: Makes the board from its signal and the values of ``options``.
+        options: The board's own, by flag, as :meth:`argparse.ArgumentParser.add_argument` takes them; beside them
+            are those that every serial emulator has.
+        rate_hz: Rate of its signal; ``None`` where the option ``rate_hz`` says it.
+    """
+    parser = argparse.ArgumentParser(description=about)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--signal", choices=SIGNALS, default="ramp")
     parser.add_argument("--burst-ms", type=float, default=4.0, help="deliver at most this often; FTDI: 16")
     parser.add_argument(
         "--fault", action="append", default=[], metavar="NAME=VALUE", help=f"one of {', '.join(FAULTS)}"
     )
-
-
-def serve(board: EmulatedBoard, signal: Signal, faults: Faults, options: argparse.Namespace) -> None:
-    """Run a board until its standard input closes or has ``quit``."""
-    for text in options.fault:
+    own = {parser.add_argument(flag, **how).dest for flag, how in options.items()}
+    given = parser.parse_args()
+    rng = random.Random(given.seed)
+    signal, faults = Signal(rate_hz or given.rate_hz, rng, given.signal), Faults(rng)
+    for text in given.fault:
         name, _, value = text.partition("=")
         faults.set(name, float(value or 1))
-    line = _Line(board, signal, faults, random.Random(options.seed + 1))
+    board = make(signal, **{name: value for name, value in vars(given).items() if name in own})
+    line = _Line(board, signal, faults, random.Random(given.seed + 1))
     notify({"port": line.port})
     try:
-        line.run(options.burst_ms / 1000)
+        line.run(given.burst_ms / 1000)
     finally:
         line.unplug()
 

@@ -7,12 +7,11 @@ uppermost bit set. It starts with ``StartUp!`` and one channel, and takes ``c:3;
 
 from __future__ import annotations
 
-import argparse
-import random
 import re
+from typing import Any
 
-from tega_emulators.faults import Faults, Signal
-from tega_emulators.serial_board import EmulatedBoard, add_options, serve
+from tega_emulators.faults import Signal
+from tega_emulators.serial_board import EmulatedBoard, run_board
 
 __all__ = ["SpikerBoard", "main"]
 
@@ -60,15 +59,16 @@ class SpikerBoard(EmulatedBoard):
 
 def main() -> None:
     """Run the board."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    add_options(parser)
-    parser.add_argument("--channels", type=int, default=1, help="that it sends before it is told otherwise")
-    parser.add_argument("--deaf", action="store_true", help="take no command")
-    options = parser.parse_args()
-    rng = random.Random(options.seed)
-    signal = Signal(_BASE_HZ / 3, rng, options.signal)
-    board = SpikerBoard(signal, n_channels=options.channels, deaf=options.deaf)
-    serve(board, signal, Faults(rng), options)
+    options: dict[str, dict[str, Any]] = {
+        "--channels": {
+            "type": int,
+            "default": 1,
+            "dest": "n_channels",
+            "help": "before it is told otherwise",
+        },
+        "--deaf": {"action": "store_true", "help": "take no command"},
+    }
+    run_board(__doc__, SpikerBoard, options, rate_hz=_BASE_HZ / 3)
 
 
 if __name__ == "__main__":
