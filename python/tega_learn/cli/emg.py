@@ -293,7 +293,7 @@ def _print_scores(scores: dict[str, dict[Preset, DecoderFigures]]) -> None:
 
     table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
     rows = [(*_scored(score["paper"])[:2], *_scored(score["live"])) for score in scores.values()]
-    named = list(zip(scores, rows, strict=True))
+    named: list[tuple[str, tuple[float, ...]]] = list(zip(scores, rows, strict=True))
     if len(rows) > 1:
         named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
     for name, (*shown, delay_s) in named:

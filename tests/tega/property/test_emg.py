@@ -106,18 +106,6 @@ def test_the_filter_follows_its_difference_equation(
     assert reference.farthest(got, exact) <= reference.rounding_bound(rate_hz) * full_scale
 
 
-@given(chunkings(), st.integers(1, 8), st.integers(1, 50))
-def test_filter_and_block_means_are_bit_identical_for_every_chunking(
-    cut: tuple[Samples, list[Samples]], order: int, tau: int
-) -> None:
-    whole, chunks = cut
-    filters = [ButterworthLowpass(200, order=order, channels=whole.shape[1]) for _ in range(2)]
-    for one, many in (filters, (BlockMean(tau), BlockMean(tau))):
-        parts = np.concatenate([many.process(chunk) for chunk in chunks])
-        np.testing.assert_array_equal(parts, one.process(whole))
-        np.testing.assert_array_equal(many.held_samples, one.held_samples)
-
-
 @given(
     chunkings(), st.integers(1, 50), st.sampled_from(["raw", "envelope"]), st.sampled_from(["paper", "live"])
 )

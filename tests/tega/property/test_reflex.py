@@ -131,22 +131,6 @@ def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
     assert bench.reported == []
 
 
-@given(ticks=TICKS)
-def test_the_same_ticks_give_the_same_additions(
-    ticks: list[tuple[float, float, float, bool, bool]],
-) -> None:
-    def reported() -> list[ReflexGrip]:
-        reflex = Asked()
-        bench = Bench(reflex, ReflexSection(name="x", authority=1.0))
-        for own, wish, authority, active, touching in ticks:
-            reflex.now = wish
-            bench.snapshot = ReflexInputs(authority, active, None)
-            bench.tick(own, touch() if touching else {})
-        return bench.reported
-
-    assert reported() == reported()
-
-
 @given(share=st.floats(0.0, 1.0), authority=st.floats(0.05, 1.0))
 def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends(
     share: float, authority: float
@@ -162,31 +146,9 @@ def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends
     assert bench.ticks(400, 3.0, touch("index", incipient=0.0)) == 3.0
 
 
-def test_a_closed_hand_is_told_no_more_than_closed() -> None:
-    bench = grip()
-    assert bench.ticks(400, 4.8, touch("index", incipient=1.0)) == pytest.approx(5.0)
-    assert bench.tick(5.0, touch("index", incipient=1.0)) == 5.0
-    assert bench.arc.added == 0.0
-
-
 def test_a_fast_slip_firms_the_grip_too_and_what_is_not_finite_does_not() -> None:
     assert grip().ticks(400, 3.0, touch("index", slip_mm_s=5.0)) == pytest.approx(3.5)
     assert grip().ticks(400, 3.0, touch("index", slip_mm_s=math.nan, incipient=math.inf)) == 3.0
-
-
-def test_the_addition_rises_by_no_more_than_its_rate() -> None:
-    bench = grip(rise_levels_per_s=2.0)
-    bench.tick(3.0, touch("index", incipient=0.0))
-    assert bench.ticks(50, 3.0, touch("index", incipient=1.0)) == pytest.approx(3.0 + 2.0 * 0.15)
-
-
-def test_a_wish_counts_for_nothing_while_no_finger_touches() -> None:
-    reflex = Asked()
-    bench = Bench(reflex, ReflexSection(name="x", authority=1.0))
-    reflex.now = 1.0
-    bench.snapshot = ReflexInputs(1.0, True, None)
-    assert bench.ticks(200, 3.0, {}) == 3.0
-    assert bench.ticks(200, 3.0, touch("index")) > 3.0
 
 
 def test_lost_fingers_add_nothing() -> None:

@@ -10,6 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tega.config.choose import preset_metric
+from tega.emg import Preset
 from tega.loop.adapting import REZERO_SEAT, FingerRezero, RezeroKey
 from tega.loop.inbox.sources import SourceReport
 from tega.records import Button, Contact
@@ -48,7 +49,7 @@ def test_a_dent_that_stays_is_no_contact_after_a_request() -> None:
 
 
 @pytest.mark.parametrize("preset", ["live", "paper"])
-def test_a_request_is_refused_under_load_and_by_a_metric_without_such_a_baseline(preset: str) -> None:
+def test_a_request_is_refused_under_load_and_by_a_metric_without_such_a_baseline(preset: Preset) -> None:
     bus, report, metric = Bus(), SourceReport(), preset_metric(preset, STILL)
     rezero = FingerRezero(bus, metric, report)
     seen(metric, 30)
