@@ -146,13 +146,9 @@ class Blocks:
 def block_features(samples: NDArray[np.float64], features: tuple[str, ...]) -> NDArray[np.float64]:
     """Compute the features of one block.
 
-    Args:
-        samples: float64 ``(tau, channels)``, C-contiguous.
-        features: Names out of :data:`FEATURES`.
-
-    Returns:
-        float64 ``(values,)``: feature by feature, the channels of each together. Amplitudes as they are, not yet as
-        logarithms; LOGVAR as the variance.
+    The samples are float64 ``(tau, channels)``, the features names out of :data:`FEATURES`. The result is float64
+    ``(values,)``: feature by feature, the channels of each together; amplitudes are not yet logarithms, and LOGVAR is
+    the variance.
 
     Example:
         >>> block_features(np.array([[1.0], [-1.0], [1.0], [-1.0]]), ("MAV", "WL", "ZC"))

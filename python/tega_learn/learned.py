@@ -104,18 +104,10 @@ class BlockDecoder:
     decoded: list[Decoded]
 
     def process(self, samples: ArrayLike) -> NDArray[np.float64]:
-        """Take the next samples.
+        """Take the next samples, ``(n, channels)``, in the unit of the calibration; NaN where missing.
 
-        Args:
-            samples: ``(n, channels)``, in the unit of the training or calibration; NaN where missing.
-
-        Returns:
-            Closure of each block completed, 0 to 1, ``(k,)``, float64. ``levels``, ``confidence`` and ``held``
-            say more.
-
-        Raises:
-            ShapeError: The samples have another number of channels.
-            DtypeError: The samples are not real numbers.
+        Return the closure of each block completed, 0 to 1, ``(k,)``, float64. ``ShapeError`` for another number of
+        channels, ``DtypeError`` for what are no real numbers.
         """
         self.decoded = [self._decode(block) for block in self._blocks.take(samples)]
         return np.array([one.closure for one in self.decoded])
@@ -149,9 +141,6 @@ class LearnedDecoder(BlockDecoder):
 
     Causal; a recording gives bit-identical results however it is cut into chunks. Samples that are missing are NaN:
     with a channel bad the closure is held, with confidence 0. A block far beyond the training data is held too.
-
-    Args:
-        model: The model.
 
     Example:
         >>> import numpy as np
@@ -237,16 +226,9 @@ class LearnedDecoder(BlockDecoder):
         return closure if closure >= self.model.dead_band else 0.0
 
     def recalibrated(self, emg: ArrayLike, target: ArrayLike) -> LearnedDecoder:
-        """Return a decoder that fits the day, from about ten seconds of rest and effort.
+        """Return a decoder that fits the day, from about ten seconds ``(n, channels)`` of rest and effort.
 
-        The weights move as little from the old ones as the new samples allow (ridge towards the old model).
-
-        Args:
-            emg: Samples ``(n, channels)``, with rest and effort in them.
-            target: Closure meant at each, 0 to 1, ``(n,)``.
-
-        Raises:
-            CalibrationError: The data is too short or lacks rest or effort, or the model is a kernel.
+        ``target`` is the closure meant at each sample, 0 to 1. See :func:`tega_learn.learners.refitted`.
         """
         return LearnedDecoder(refitted(self.model, as_samples(emg, len(self.model.channels)), target))
 

@@ -103,11 +103,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     version: Literal[1] = 1
 
     def check_whole(self, name: str) -> None:
-        """Refuse numbers that do not belong together.
-
-        Raises:
-            CalibrationError: A list has another length than the features need, or the knots do not rise.
-        """
+        """Refuse lists of another length than the features need, and knots that do not rise: ``CalibrationError``."""
         channels = len(self.channels)
         values = n_values(self.features, channels) * len(self.smoothing_s)
         amplitudes = int(amplitude_values(self.features, channels).sum())
@@ -129,8 +125,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def rejecting(self, share: float, name: str) -> Model:
         """Return the model that holds this share of blocks like those of its training, 0 to 0.2.
 
-        Raises:
-            CalibrationError: The model was fitted before models stored the novelty of their training blocks.
+        ``CalibrationError`` for a model of before models stored the novelty of their training blocks.
         """
         if not self.novelty:
             raise CalibrationError(f"{name}: does not know which share of blocks it would hold", _AGAIN)
@@ -140,11 +135,7 @@ class Model(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     def check_fits(
         self, *, kind: str, rate_hz: float, channels: tuple[str, ...], name: str, person: str = ""
     ) -> None:
-        """Refuse a source or a person that the model was not made for.
-
-        Raises:
-            CalibrationError: Kind, rate, channels or person differ; the message says which.
-        """
+        """Refuse a source or a person that the model was not made for; ``CalibrationError`` says what differs."""
         for subject, made, found in (
             ("kind", self.kind, kind),
             ("channels", ", ".join(self.channels), ", ".join(channels)),
@@ -169,11 +160,7 @@ def save_model(model: Model, path: Path) -> None:
 
 
 def load_model(path: Path) -> Model:
-    """Read a model.
-
-    Raises:
-        CalibrationError: The path is missing, not a file, or the file is damaged or inconsistent.
-    """
+    """Read a model; ``CalibrationError`` if the file is missing, damaged or inconsistent."""
     try:
         data = read_foreign(path, most_mib=_MOST_MIB, error=CalibrationError)
     except OSError as error:

@@ -141,17 +141,10 @@ def judge(
 ) -> DecoderFigures:
     """Judge a series of closures.
 
-    Args:
-        closure: 0 to 1, a block each, ``(k,)``.
-        level: 1 to 5, ``(k,)``.
-        target: Closure meant, 0 to 1, ``(k,)``.
-        block_s: Length of a block, s.
-        paper: Levels of the rules of ``paper``, for the delay.
-        confidence: Confidence of each block, 0 to 1; NaN or ``None`` if the decoder reports none.
-        held: True for each block that was held.
-
-    Raises:
-        ShapeError: The series differ in length, or have fewer than three blocks.
+    Closure and the target that was meant are 0 to 1, levels 1 to 5, a block of ``block_s`` seconds each, ``(k,)``.
+    ``paper`` are the levels of those rules, for the delay; ``confidence`` is NaN or ``None`` if the decoder reports
+    none; ``held`` is true for each block that was held. ``ShapeError`` for series that differ in length, or have fewer
+    than three blocks.
 
     Example:
         >>> judge([0, 0, 1, 1], [1, 1, 5, 5], [0, 0, 1, 1], 0.1).balanced_accuracy

@@ -27,6 +27,9 @@ REMOVED: Final[Mapping[str, Removed]] = {
     "stages.mapping.options.weber": Removed(
         "0.3", "the wearer's own step is taken", "set vest.step; tega-teleop calibrate measures it"
     ),
+    "stages.metric.options.noise_counts": Removed(
+        "0.3", "the calibration's is taken, or else a DIGIT's", "tega-teleop calibrate measures it"
+    ),
     "arm.driver = panda": Removed(
         "0.3", "franky drives a Panda too", "set arm.driver = franky, with arm.options.robot = panda or fr3"
     ),

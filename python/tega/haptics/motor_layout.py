@@ -51,13 +51,8 @@ class Motor(NamedTuple):
 class MotorLayout:
     """The motors of a layout, in the order of a frame's intensities.
 
-    Args:
-        name: Its name, as settings give it.
-        summary: Description in one line.
-        motors: One entry a motor, 1 to 40.
-
-    Attributes:
-        numbers: Number of each motor at the device, uint8 (n,), read-only.
+    It has the name that settings give it, a summary in one line, 1 to 40 motors, and ``numbers``: that of each motor at
+    the device, uint8 (n,), read-only.
 
     Raises:
         InvalidValueError: There is no motor or more than 40, two have one number or one place, or a face, row, column
@@ -90,11 +85,7 @@ class MotorLayout:
         return 1 + max((motor.row for motor in self.motors if motor.face == face), default=-1)
 
     def mirrored(self, mirror: Mirror) -> MotorLayout:
-        """Return the same motors with the columns of the back, or of all faces, reversed.
-
-        Raises:
-            InvalidValueError: The mirroring is not ``"none"``, ``"back"`` or ``"all"``.
-        """
+        """Return the same motors with the columns of the back, or of all faces, reversed."""
         faces = {"none": set[str](), "back": {"back"}, "all": {"front", "back"}}.get(mirror)
         if faces is None:
             raise InvalidValueError(f'mirror = "{mirror}" is not known: choose none, back or all')

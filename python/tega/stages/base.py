@@ -99,11 +99,7 @@ class VestSetup(NamedTuple):
 
 
 class ReflexSetup(NamedTuple):
-    """Setup of a reflex: the hand that it firms.
-
-    Attributes:
-        fingers: Fingers that have a sensor, thumb first.
-    """
+    """Setup of a reflex, the hand that it firms: its fingers that have a sensor, thumb first."""
 
     fingers: tuple[str, ...]
 
@@ -189,9 +185,7 @@ class Metric(_Stage, ABC):
     def update_sums(self, sums: NDArray[np.int16], t_ns: int) -> Contact:
         """Measure the next frame by its sums over cells of 8 x 8 pixels, as :meth:`update` would measure its pixels.
 
-        Args:
-            sums: int16 (3, cells): blue, green, red, cells row by row.
-            t_ns: As for :meth:`update`.
+        ``sums`` are int16 (3, cells): blue, green, red, cells row by row.
         """
         raise NotImplementedError
 
@@ -199,15 +193,12 @@ class Metric(_Stage, ABC):
         """Take the picture that was measured last for that of the untouched gel; return whether it was taken.
 
         Called before :meth:`update` when a new baseline is asked for and no other finger bears a load. The request is
-        recorded with the picture that follows. A metric without such a baseline returns False.
+        recorded with the picture that follows.
         """
         return False
 
     def touch_map(self) -> TouchMap | None:
-        """Return the map and the outline of the frame that was measured last; called only where it is drawn.
-
-        ``None`` where the metric has none.
-        """
+        """Return the map and the outline of the frame that was measured last, if any; called only where it is drawn."""
         return None
 
 
@@ -239,10 +230,7 @@ class DayModel(Protocol):
         """Refuse a source or a person that the model was not made for: ``CalibrationError``."""
 
     def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> DayModel:
-        """Return the model fitted to samples (n, channels) at rest and at effort.
-
-        Raises ``CalibrationError`` if it then does not distinguish them.
-        """
+        """Return the model fitted to samples (n, channels); ``CalibrationError`` if it does not tell them apart."""
 
     def save(self, path: Path) -> object:
         """Write it to a file."""
@@ -314,10 +302,7 @@ class Mapping(_Stage, ABC):
     evens_out: ClassVar[bool] = False
 
     def columns(self, finger: str, contact: Contact) -> tuple[float, float]:  # noqa: ARG002
-        """Return the values of a finger's own columns for a contact, percent (front, back), for display and tables.
-
-        (0, 0) where the mapping does not show touch as a column a finger.
-        """
+        """Return a finger's own columns for a contact, percent (front, back), for display; (0, 0) without such."""
         return 0.0, 0.0
 
     @abstractmethod
@@ -341,10 +326,8 @@ class Reflex(_Stage, ABC):
 
     The class is called with a :class:`ReflexSetup` and its options, once per run. A reflex only returns a wish: the
     addition to the participant's own closure is bounded, slow and never below 0, whatever the reflex returns
-    (:class:`tega.loop.reflex.ReflexArc`). Without authority it is not called.
-
-    Attributes:
-        wants_events: Whether events are to be looked for.
+    (:class:`tega.loop.reflex.ReflexArc`). Without authority it is not called. Events are looked for where it
+    ``wants_events``.
     """
 
     wants_events: bool = False

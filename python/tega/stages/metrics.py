@@ -26,8 +26,6 @@ from tega.tactile import (
 # Between the frames of a DIGIT, seconds, where their times do not say it.
 _PERIOD_S = 1 / 60
 
-NoiseCounts = Annotated[float, msgspec.Meta(gt=0, le=255)]
-
 
 def contact_record(finger: str, t_ns: int, metrics: ContactMetrics) -> Contact:
     """Return the kernels' measurements of a frame as a record."""
@@ -62,9 +60,6 @@ class LiveOptions(StageOptions, frozen=True):
         outline: ``dent`` outlines the dent as an eye marks it, ``contact`` nearer to the touching area of a curved
             object.
         rezero: Whether the untouched gel is learned again a second after a release.
-        noise_counts: Noise of the sensor's cells in blue, green and red, from :func:`tega.tactile.sensor_noise`;
-            none takes the calibration's, or else that of a DIGIT. How much the sensor varies at rest is learned in any
-            case.
         mm_per_px: Scale of a picture of 320 x 240 pixels, for ``area_mm2``; none takes the calibration's, which knows
             it where a ball of known size and force was pressed, and else leaves the area out. Depth and force are
             nominal without such a press.
@@ -75,7 +70,6 @@ class LiveOptions(StageOptions, frozen=True):
 
     outline: Outline = "dent"
     rezero: bool = True
-    noise_counts: tuple[NoiseCounts, NoiseCounts, NoiseCounts] | None = None
     mm_per_px: Annotated[float, msgspec.Meta(gt=0.001, lt=1.0)] | None = None
     trend: Literal["none", "rise", "change"] = "none"
     trend_s: Annotated[float, msgspec.Meta(ge=0.01, le=5.0)] = 0.1
@@ -115,7 +109,7 @@ class LiveMetric(Metric):
             )
         self._tracker = TouchTracker(
             setup.baseline,
-            noise=options.noise_counts or gel.noise_counts,
+            noise=gel.noise_counts,
             light=light,
             outline=options.outline,
             rezero=options.rezero,

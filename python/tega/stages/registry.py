@@ -112,11 +112,7 @@ def find_stages(name: str) -> list[Group]:
 
 
 def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: str) -> Any:
-    """Return the class of a metric, decoder, mapping or reflex.
-
-    Args:
-        group: Kind of the stage.
-        name: Its name, such as ``"paper"``.
+    """Return the class of a metric, decoder, mapping or reflex, by its name, such as ``"paper"``.
 
     Raises:
         ConfigError: No stage of the group has that name, or it was taken out.

@@ -202,10 +202,7 @@ def read_contact(
             which is smaller and fragile on faint contacts. ``paper`` ignores it.
         noise: The sensor's, from :func:`sensor_noise`; ``None`` takes that of a DIGIT. ``paper`` takes no notice of it.
 
-    Raises:
-        DtypeError: An image is not a uint8 array.
-        ShapeError: An image is not (H, W, 3), is empty or too large, or the two differ in size.
-        InvalidValueError: ``reading``, ``order`` or ``outline`` is not known.
+    Errors are those of :func:`contact_metrics`; ``InvalidValueError`` also for a choice that is not known.
     """
     preset = _preset(reading, order=order, outline=outline, noise=noise)
     return ContactMetrics._make(preset.read(frame, baseline))

@@ -85,12 +85,7 @@ class Rise:
 class Detector:
     """Finds events. Times of a finger must not fall, nor those of hand and arm.
 
-    Args:
-        settings: Its numbers.
-        look_ahead_s: Time for which a slip waits for later data; 0 reports it at once.
-
-    Attributes:
-        may_slip: Whether something is held that could slip, as far as is known.
+    A slip waits for later data for ``look_ahead_s``; 0 reports it at once.
     """
 
     def __init__(self, settings: DetectorSettings = SETTINGS, *, look_ahead_s: float = 0.0) -> None:
@@ -114,13 +109,7 @@ class Detector:
         }
 
     def touch(self, t_s: float, finger: str, touch: TouchFrame) -> list[DetectedEvent]:
-        """Add a frame of a fingertip, and return the events that it shows.
-
-        Args:
-            t_s: Time of the frame, seconds.
-            finger: Name of the finger.
-            touch: Contact in the frame.
-        """
+        """Add a frame of a fingertip at a time, seconds, and return the events that it shows."""
         s = self._s
         if finger not in self._quick:
             self._quick[finger] = FingerTrack(s.quick_s, s.slow_s)
