@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from datetime import UTC, datetime
-from typing import Any, Final
+from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -29,16 +29,17 @@ LEAST_NOVELTY_OF_TWO: Final = 6.0
 _FOLDS = 5
 
 
-class EffortModel:
+class EffortModel(NamedTuple):
     """Weights of a fitted model, one for each feature or support, and the efforts that they give.
 
     ``support`` are the rows that a kernel compares with, ``(supports, features)``, ``gamma`` is its width
     parameter; without a kernel they are empty and 0.
     """
 
-    def __init__(self, weights: Any, bias: float, support: Any = (), gamma: float = 0.0) -> None:
-        self.weights, self.bias = np.asarray(weights, np.float64), float(bias)
-        self.support, self.gamma = np.asarray(support, np.float64), gamma
+    weights: NDArray[np.float64]
+    bias: float
+    support: NDArray[np.float64] = np.empty(0)
+    gamma: float = 0.0
 
     def efforts(self, z: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the effort of each row of standardised features, ``(n, features)``."""

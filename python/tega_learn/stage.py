@@ -93,30 +93,16 @@ class LearnedFile(NamedTuple):
         self.decoder.save(path)
 
 
-class _Pace:
-    """Says whether blocks still come at the rate that they should, over the last 30 of them."""
-
-    def __init__(self, block_ns: float) -> None:
-        self._block_ns = block_ns
-        self._ends: deque[int] = deque(maxlen=_RATE_BLOCKS + 1)
-
-    def keeps(self, end_ns: int) -> bool:
-        self._ends.append(end_ns)
-        if len(self._ends) <= _RATE_BLOCKS:
-            return True
-        took_ns = self._ends[-1] - self._ends[0]
-        return abs(took_ns / (_RATE_BLOCKS * self._block_ns) - 1.0) <= _RATE_SHARE
-
-
 class _BlockStage(Decoder):
     """Intents of a decoder that gives a closure a block."""
 
-    _core: BlockDecoder
-    _pace: _Pace
-    _full: Sequence[float]
-    _hold_below = 0.0
-    _kept = 0.0
-    _holds = ""
+    def __init__(
+        self, core: BlockDecoder, full: Sequence[float], *, block_s: float, hold_below: float
+    ) -> None:
+        self._core, self._full, self._hold_below = core, full, hold_below
+        self._block_ns = block_s * 1e9
+        self._ends: deque[int] = deque(maxlen=_RATE_BLOCKS + 1)
+        self._kept, self._holds = 0.0, ""
 
     def decode(self, samples: NDArray[np.float64], times_ns: NDArray[np.int64]) -> Sequence[Intent]:
         """Take the next samples; one intent a block.
@@ -130,7 +116,10 @@ class _BlockStage(Decoder):
     def _intent(self, one: Decoded, t_ns: int) -> Intent:
         channels, confidence, least = one.channels, one.confidence, self._hold_below
         self._holds = "this effort is like none that the model knows" if one.held else ""
-        if not self._pace.keeps(t_ns):
+        self._ends.append(t_ns)
+        took_ns = self._ends[-1] - self._ends[0]
+        full = len(self._ends) > _RATE_BLOCKS
+        if full and abs(took_ns / (_RATE_BLOCKS * self._block_ns) - 1.0) > _RATE_SHARE:
             channels, confidence = (0,) * len(channels), 0.0
             self._holds = "samples come at another rate than at the calibration"
         if confidence > 0 and confidence >= least:
@@ -169,10 +158,10 @@ class LearnedStage(_BlockStage):
         model.check_fits(**run, name=file.name, person=options.person or "")
         if options.reject is not None:
             model = model.rejecting(options.reject, file.name)
-        self._full = model.channel_full
-        self._core = LearnedDecoder(model)
-        self._pace = _Pace(model.tau / model.rate_hz * 1e9)
-        self._hold_below = options.hold_below
+        block_s = model.tau / model.rate_hz
+        super().__init__(
+            LearnedDecoder(model), model.channel_full, block_s=block_s, hold_below=options.hold_below
+        )
 
     @classmethod
     def day_model(cls, options: StageOptions) -> LearnedFile:
@@ -206,8 +195,7 @@ class ProportionalStage(_BlockStage):
     def __init__(self, setup: MuscleSetup, options: ProportionalOptions) -> None:
         tau = max(4, round(options.tau_s * setup.rate_hz))
         used = [number - 1 for number in (options.channel, options.opening) if number]
-        self._full = setup.maxima
-        self._core = ProportionalDecoder(
+        decoder = ProportionalDecoder(
             setup.rate_hz,
             setup.maxima,
             tau=tau,
@@ -217,8 +205,7 @@ class ProportionalStage(_BlockStage):
             full=options.full,
             smoothing_s=options.smoothing_s,
         )
-        self._pace = _Pace(tau / setup.rate_hz * 1e9)
-        self._hold_below = options.hold_below
+        super().__init__(decoder, setup.maxima, block_s=tau / setup.rate_hz, hold_below=options.hold_below)
 
     @classmethod
     def block_s(cls, options: StageOptions) -> float:

@@ -89,15 +89,10 @@ class ChangesMapping(SlipRowMapping):
         change = level - self._adapted
         beyond = np.maximum(np.abs(change) - o.quiet_percent, 0)
         self._changed_ns[beyond > 0] = self._t_ns
-        steady = np.where(self._reminded(), o.steady * level, 0.0)
+        steady = o.steady * level
+        if o.remind_every_s:
+            since_ns = (self._t_ns - self._changed_ns) % round(o.remind_every_s * 1e9)
+            steady[since_ns >= _REMIND_NS] = 0.0
         gain = np.where(change > 0, o.onset, o.offset)
         displayed: NDArray[np.float64] = np.minimum(steady + gain * beyond, 100)
         return displayed
-
-    def _reminded(self) -> NDArray[np.bool_]:
-        """Return for each value whether its steady level is shown now."""
-        o = self._change
-        if not o.remind_every_s:
-            return np.ones(len(self._level), bool)
-        since_ns = (self._t_ns - self._changed_ns) % round(o.remind_every_s * 1e9)
-        return since_ns < _REMIND_NS

@@ -91,30 +91,31 @@ class GripReflex(Reflex):
 
     def _check(self, t_ns: int, touching: Sequence[Contact], events: Sequence[Event]) -> None:
         """Keep the strongest sign of a slip until it has been over for a while."""
-        signs = [(self._slips(contact), contact.finger) for contact in touching]
-        silent = {contact.finger for contact in touching if not _reports(contact)}
+        slips = {contact.finger: self._slips(contact) for contact in touching}
+        signs = [(share, finger) for finger, share in slips.items() if share is not None]
+        silent = slips.keys() - {finger for _, finger in signs}
         if self._o.events:
             signs += [
                 (event.confidence, event.finger or "hand")
                 for event in events
                 if event.kind == "slip" and (event.finger in silent or (not event.finger and silent))
             ]
-        strongest, finger = max(signs, key=lambda sign: sign[0])
+        strongest, finger = max(signs, key=lambda sign: sign[0], default=(0.0, ""))
         if t_ns > self._until_ns:
             self._requested = 0.0
         if strongest > 0 and strongest >= self._requested:
             self._requested, self._until_ns = min(strongest, 1.0), t_ns + round(self._o.keep_s * 1e9)
             self._why = f"slip, {finger}"
 
-    def _slips(self, contact: Contact) -> float:
-        """Strength of a finger's slip by its metric's own values, 0 to 1."""
-        o, most = self._o, 0.0
+    def _slips(self, contact: Contact) -> float | None:
+        """Strength of a finger's slip by its metric's own values, 0 to 1; ``None`` where it has none of a slip."""
+        o, found = self._o, dict[str, float]()
         for one in contact.more:
-            if one.name == "incipient" and math.isfinite(one.value):
-                most = max(most, (one.value - o.incipient_from) / (1 - o.incipient_from))
-            elif one.name == "slip_mm_s" and math.isfinite(one.value):
-                most = max(most, abs(one.value) / o.full_slip_mm_s)
-        return min(most, 1.0)
+            if one.name == "incipient":
+                found[one.name] = (one.value - o.incipient_from) / (1 - o.incipient_from)
+            elif one.name == "slip_mm_s":
+                found[one.name] = abs(one.value) / o.full_slip_mm_s
+        return min(max([0.0, *filter(math.isfinite, found.values())]), 1.0) if found else None
 
     def _room(self, touching: Sequence[Contact], measured: float | None) -> float:
         """Room before harm: 1 far from it, 0 at the limit, -1 well beyond it."""
@@ -130,8 +131,3 @@ class GripReflex(Reflex):
             if left < room:
                 room, self._cause = left, "eased: a finger is loaded"
         return max(room, -1.0)
-
-
-def _reports(contact: Contact) -> bool:
-    """Whether a contact's metric knows of slips itself."""
-    return any(one.name in {"incipient", "slip_mm_s"} for one in contact.more)
