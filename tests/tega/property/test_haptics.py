@@ -103,14 +103,12 @@ def test_the_reading_rule(cci: float, eda: float) -> None:
     assert contact_type(cci, eda) == wanted
 
 
-thresholds = st.lists(st.integers(0, 99), min_size=40, max_size=40)
-steps = st.lists(st.integers(1, 400).map(lambda n: n / 4), min_size=40, max_size=40)
-
-
-@given(threshold=thresholds, step=steps, intensities=st.lists(st.integers(0, 100), min_size=40, max_size=40))
-def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(
-    threshold: list[int], step: list[float], intensities: list[int]
-) -> None:
+@given(seed=st.integers(0, 2**32 - 1), equal=st.booleans())
+def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(seed: int, equal: bool) -> None:
+    rng = np.random.default_rng(seed)
+    threshold: list[int] = [0] * 40 if equal else rng.integers(0, 100, 40).tolist()
+    step: list[float] = [7.0] * 40 if equal else (rng.integers(1, 401, 40) / 4).tolist()
+    intensities: list[int] = rng.integers(0, 101, 40).tolist()
     n = min((100 - t) / Fraction(s) for t, s in zip(threshold, step, strict=True))
     frame = MotorLevels("x40", np.array(intensities, np.uint8))
     felt = FeltMap(threshold=threshold, step=step).apply(frame).intensities.tolist()

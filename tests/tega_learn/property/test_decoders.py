@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
@@ -40,7 +40,7 @@ def squeezes(
 
 @cache
 def fitted(model: str = "ridge", features: tuple[str, ...] = tuple(FEATURES)) -> LearnedDecoder:
-    emg, closure = squeezes()
+    emg, closure = squeezes(seconds=12)
     chosen: Any = model
     return fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, model=chosen, features=features)
 
@@ -52,6 +52,7 @@ def fresh(model: str = "ridge") -> LearnedDecoder:
 @pytest.mark.parametrize(
     "model", ["ridge", *(pytest.param(m, marks=pytest.mark.slow) for m in ("huber", "kernel"))]
 )
+@settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 2000), max_size=8), holes=st.lists(st.integers(0, 1999), max_size=60))
 def test_chunks_do_not_matter_to_the_last_bit(model: str, cuts: list[int], holes: list[int]) -> None:
     emg = squeezes(seed=2, seconds=4)[0][:2000].copy()
