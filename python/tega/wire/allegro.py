@@ -2,13 +2,14 @@
 
 Joints are in the hand's order everywhere: index 0 to 3, middle 4 to 7, ring 8 to 11, thumb 12 to 15. There is
 no encoder for CONFIG, which writes the hand's flash memory, nor for SET POSE, which version 4 firmware does
-not have.
+not have. ``device_id`` is everywhere the hand's number on its bus, 0 from the factory; one above 3 raises
+``WireError``, a finger that the hand has not ``InvalidValueError``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, Literal
+from typing import Final, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,6 +35,7 @@ from tega.wire.allegro_messages import (
     CanFrame,
     Counts,
     Finger,
+    Reason,
 )
 from tega.wire.arrays import as_bytes, float_array, integer_array
 
@@ -52,13 +54,13 @@ def allegro_torque_frames(
 
     Args:
         torques: (16,) torques in tau units, 1.0 being full pulse width; float64 is not copied.
-        device_id: The hand's number, 0 from the factory.
+        device_id: The hand's number.
         version: The hand's; counts of one mean nothing to the other.
 
     Raises:
         ShapeError: Unless there are 16.
         DtypeError: If they are not real numbers.
-        WireError: If any is NaN or infinite (no frame is made then), or for a device number above 3.
+        WireError: If any is NaN or infinite; no frame is made then.
 
     Example:
         >>> [hex(frame.id) for frame in allegro_torque_frames([0.0] * 16, device_id=1)]
@@ -96,29 +98,17 @@ def allegro_angle_counts(angles_rad: ArrayLike, *, version: Literal[4, 5] = 4) -
 
 
 def allegro_servo_on(*, device_id: int = 0) -> CanFrame:
-    """Return the frame that switches the motors on.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the frame that switches the motors on."""
     return _encode("servo_on", device_id=device_id)
 
 
 def allegro_servo_off(*, device_id: int = 0) -> CanFrame:
-    """Return the frame that switches the motors off; send zero torque first, as some firmware ignores it.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the frame that switches the motors off; send zero torque first, as some firmware ignores it."""
     return _encode("servo_off", device_id=device_id)
 
 
 def allegro_limp_frames(*, device_id: int = 0) -> list[CanFrame]:
-    """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
     return [
         *allegro_torque_frames(np.zeros(16), device_id=device_id),
         allegro_servo_off(device_id=device_id),
@@ -143,72 +133,43 @@ def allegro_set_period(
         device_id: The hand's number.
 
     Raises:
-        WireError: If a period is outside 0 to 65535 ms, or for a device number above 3.
+        WireError: If a period is outside 0 to 65535 ms.
     """
     status = [] if status_ms is None else [status_ms]
     return _encode("set_period", values=[position_ms, imu_ms, temperature_ms, *status], device_id=device_id)
 
 
 def allegro_request_info(*, device_id: int = 0) -> CanFrame:
-    """Return the remote frame that asks for :class:`AllegroInfo`.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the remote frame that asks for :class:`AllegroInfo`."""
     return _encode("request_info", device_id=device_id)
 
 
 def allegro_request_serial(*, device_id: int = 0) -> CanFrame:
-    """Return the remote frame that asks for :class:`AllegroSerial`.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the remote frame that asks for :class:`AllegroSerial`."""
     return _encode("request_serial", device_id=device_id)
 
 
 def allegro_request_imu(*, device_id: int = 0) -> CanFrame:
-    """Return the remote frame that asks for :class:`AllegroImu`.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Return the remote frame that asks for :class:`AllegroImu`."""
     return _encode("request_imu", device_id=device_id)
 
 
 def allegro_request_position(finger: Finger, *, device_id: int = 0) -> CanFrame:
-    """Return the remote frame that asks for one finger's :class:`AllegroPosition`.
-
-    Raises:
-        InvalidValueError: For a finger the hand does not have.
-        WireError: For a device number above 3.
-    """
+    """Return the remote frame that asks for one finger's :class:`AllegroPosition`."""
     return _encode("request_position", finger, device_id=device_id)
 
 
 def allegro_request_temperature(finger: Finger, *, device_id: int = 0) -> CanFrame:
-    """Return the remote frame that asks for one finger's :class:`AllegroTemperature`.
-
-    Raises:
-        InvalidValueError: For a finger the hand does not have.
-        WireError: For a device number above 3.
-    """
+    """Return the remote frame that asks for one finger's :class:`AllegroTemperature`."""
     return _encode("request_temperature", finger, device_id=device_id)
 
 
 def allegro_position_frames(
     angles_rad: ArrayLike, *, device_id: int = 0, version: Literal[4, 5] = 4
 ) -> list[CanFrame]:
-    """Encode the four position frames a hand with these joint angles sends.
+    """Encode the four position frames that a hand with joint angles (16,), rad, sends.
 
-    Args:
-        angles_rad: (16,) joint angles, rad.
-        device_id: The hand's number.
-        version: The hand's.
-
-    Raises:
-        ShapeError: Unless there are 16.
-        WireError: If one is NaN or does not fit, or for a device number above 3.
+    ``ShapeError`` unless there are 16, ``WireError`` if one is NaN or does not fit.
     """
     counts = allegro_angle_counts(float_array("angles_rad", angles_rad, (16,)), version=version)
     rows: list[list[int]] = counts.reshape(4, 4).tolist()
@@ -225,9 +186,7 @@ def allegro_report_frame(
 ) -> CanFrame:
     """Encode a report of the hand, for a simulated hand. :func:`allegro_decode` is the inverse.
 
-    Raises:
-        WireError: If a value does not fit its field, or for a device number above 3.
-        ShapeError: If there are more or fewer values than the message holds.
+    ``WireError`` if a value does not fit its field, ``ShapeError`` for more or fewer values than the message holds.
     """
     match report:
         case AllegroPosition(finger, counts):
@@ -270,9 +229,6 @@ def allegro_decode(
         extended: Whether the identifier has 29 bits.
         error: Whether it is the controller's error frame.
 
-    Raises:
-        WireError: For a device number above 3.
-
     Example:
         >>> allegro_decode(CanFrame(0x080, bytes.fromhex("CA FD BD FE 90 FF CE FF")))
         AllegroPosition(finger='index', counts=(-566, -323, -112, -50))
@@ -283,15 +239,11 @@ def allegro_decode(
     kind, finger, values = _native.allegro_decode(
         can_id, as_bytes(data), device_id=device_id, remote=remote, extended=extended, error=error
     )
-    return _DECODED[kind](HAND_FINGERS[finger], values)
+    return _REJECTED.get(kind) or _DECODED[kind](HAND_FINGERS[finger], values)
 
 
 def allegro_requested(frame: CanFrame, *, device_id: int = 0) -> AllegroRequest | None:
-    """Decode a remote frame to its request to hand `device_id`, or None: for a simulated hand.
-
-    Raises:
-        WireError: For a device number above 3.
-    """
+    """Decode a remote frame to its request to hand `device_id`, or None: for a simulated hand."""
     request = _native.allegro_requested(frame.id, device_id=device_id) if frame.remote else None
     if request is None:
         return None
@@ -340,10 +292,5 @@ _DECODED: Final[dict[str, Callable[[Finger, list[int]], AllegroMessage]]] = {
     "set_period": _period,
     "set_pose": lambda finger, values: AllegroPose(finger, _four(values)),
     "config": lambda _finger, values: AllegroConfig(bytes(values)),
-    "error": lambda _finger, _values: AllegroRejected("error"),
-    "extended": lambda _finger, _values: AllegroRejected("extended"),
-    "remote": lambda _finger, _values: AllegroRejected("remote"),
-    "foreign_device": lambda _finger, _values: AllegroRejected("foreign_device"),
-    "unknown": lambda _finger, _values: AllegroRejected("unknown"),
-    "malformed": lambda _finger, _values: AllegroRejected("malformed"),
 }
+_REJECTED: Final = {reason: AllegroRejected(reason) for reason in get_args(Reason)}

@@ -34,14 +34,14 @@ class CanFrame(NamedTuple):
     remote: bool = False
 
 
+Reason: TypeAlias = Literal["error", "extended", "remote", "foreign_device", "unknown", "malformed"]
+"""Why a frame was not decoded: a controller's error frame, a 29-bit identifier, a request, another hand's frame, a
+message the hand does not have, or a known one of the wrong length."""
+
+
 @dataclass(frozen=True, slots=True)
 class AllegroPosition:
-    """One finger's joint positions, from the hand.
-
-    Attributes:
-        finger: The finger.
-        counts: Encoder counts.
-    """
+    """One finger's joint positions in encoder counts, from the hand."""
 
     finger: Finger
     counts: Counts
@@ -56,12 +56,7 @@ class AllegroPosition:
 
 @dataclass(frozen=True, slots=True)
 class AllegroTemperature:
-    """One finger's joint temperatures, from the hand.
-
-    Attributes:
-        finger: The finger.
-        celsius: °C; None where the sensor does not answer (above 120 on the wire).
-    """
+    """One finger's joint temperatures, °C, from the hand; None where a sensor does not answer."""
 
     finger: Finger
     celsius: tuple[int | None, int | None, int | None, int | None]
@@ -77,8 +72,7 @@ class AllegroInfo:
 
     Attributes:
         hardware: Version, (4, 2) for "4.2".
-        firmware: Version, likewise.
-        side: "right" or "left"; "unknown" for a value neither.
+        side: "unknown" for a value that is neither.
         palm_c: Palm board, °C.
         status: Status bits as sent.
     """
@@ -109,8 +103,7 @@ class AllegroInfo:
 class AllegroSerial:
     """The serial number's eight characters, trailing zeros removed, anything unprintable escaped.
 
-    Attributes:
-        text: The number as sent; on the label it stands behind "SAH040".
+    On the label it stands behind "SAH040".
     """
 
     text: str
@@ -118,45 +111,28 @@ class AllegroSerial:
 
 @dataclass(frozen=True, slots=True)
 class AllegroImu:
-    """The inertial unit's three or four words. Neither their meaning nor their scale is known.
-
-    Attributes:
-        words: Signed 16 bits each.
-    """
+    """The inertial unit's three or four words, signed 16 bits each. Neither meaning nor scale is known."""
 
     words: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class AllegroStatus:
-    """A STATUS message. What its bytes mean is not known.
-
-    Attributes:
-        data: The payload.
-    """
+    """A STATUS message. What its bytes mean is not known."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class AllegroServo:
-    """Motors on or off, from a host.
-
-    Attributes:
-        on: Whether it is SERVO ON.
-    """
+    """SERVO ON or SERVO OFF, from a host."""
 
     on: bool
 
 
 @dataclass(frozen=True, slots=True)
 class AllegroTorque:
-    """One finger's pulse widths, from a host.
-
-    Attributes:
-        finger: The finger.
-        counts: Pulse-width counts, 1200 for one tau.
-    """
+    """One finger's pulse widths, 1200 counts for one tau, from a host."""
 
     finger: Finger
     counts: Counts
@@ -164,14 +140,7 @@ class AllegroTorque:
 
 @dataclass(frozen=True, slots=True)
 class AllegroPeriod:
-    """Period at which the hand is to report by itself, from a host; 0 is never.
-
-    Attributes:
-        position_ms: Joint positions.
-        imu_ms: Inertial unit.
-        temperature_ms: Joint temperatures.
-        status_ms: Status; None in the six-byte form.
-    """
+    """Periods at which the hand is to report by itself, from a host; 0 is never, None the six-byte form."""
 
     position_ms: int
     imu_ms: int
@@ -181,12 +150,7 @@ class AllegroPeriod:
 
 @dataclass(frozen=True, slots=True)
 class AllegroPose:
-    """A SET POSE of another program. Version 4 firmware does not implement it, so there is no encoder.
-
-    Attributes:
-        finger: The finger.
-        counts: Encoder counts.
-    """
+    """A SET POSE of another program, in encoder counts. Version 4 firmware has none, so there is no encoder."""
 
     finger: Finger
     counts: Counts
@@ -194,36 +158,21 @@ class AllegroPose:
 
 @dataclass(frozen=True, slots=True)
 class AllegroConfig:
-    """A CONFIG of another program, which writes the hand's flash memory. There is no encoder, on purpose.
-
-    Attributes:
-        data: The payload, six bytes in one of two layouts.
-    """
+    """A CONFIG of another program: six bytes for the hand's flash memory. There is no encoder, on purpose."""
 
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class AllegroRejected:
-    """A frame that was not decoded. None of these is fatal: count them.
+    """A frame that was not decoded. No reason is fatal: count them."""
 
-    Attributes:
-        reason: "error" for a controller's error frame, "extended" for a 29-bit identifier, "remote" for a
-            request, "foreign_device" for another hand's, "unknown" for a message the hand does not have,
-            "malformed" for a known one of the wrong length.
-    """
-
-    reason: Literal["error", "extended", "remote", "foreign_device", "unknown", "malformed"]
+    reason: Reason
 
 
 @dataclass(frozen=True, slots=True)
 class AllegroRequest:
-    """Request to a hand in a remote frame.
-
-    Attributes:
-        wants: Kind of report.
-        finger: Finger concerned, for positions and temperatures.
-    """
+    """Request to a hand in a remote frame; ``finger`` for positions and temperatures."""
 
     wants: Literal["info", "serial", "imu", "position", "temperature"]
     finger: Finger | None

@@ -3,6 +3,9 @@
 Key order is fixed and there are no blanks, so that messages can be compared byte for byte. A message of version 3 is
 ``{"Type": ..., "Message": ...}``; the content of ``Message`` is JSON again, either as text or directly. Servers write
 names with a capital and without; both are read.
+
+``intensities`` are (40,) integers, 0 to 100, in the wearer's order, and ``duration_ms`` is 20 to 100000. Others raise
+``ShapeError``, ``DtypeError`` (no integers) or ``WireError`` (out of range).
 """
 
 from __future__ import annotations
@@ -37,18 +40,7 @@ def player_v2_message(
 
     A frame replaces the running one of its key and ends by itself, so a stream with constant keys and a
     duration of 1.5 to 3 periods goes silent when the host does. A panel that is all zero is sent without
-    dots, which silences it.
-
-    Args:
-        intensities: (40,) integers, 0 to 100, in the wearer's order.
-        duration_ms: 20 to 100000.
-        front_key: Name of the front panel's frame; None leaves the panel out.
-        back_key: Name of the back panel's frame; None leaves the panel out.
-
-    Raises:
-        ShapeError: Unless there are 40.
-        DtypeError: If they are not integers.
-        WireError: If one is above 100, if the duration is out of range, or without any key.
+    dots, which silences it. The keys name the panels' frames; None leaves a panel out, but not both (``WireError``).
     """
     values = _forty(intensities)
     _check("duration_ms", duration_ms, _DURATION_MS, " ms")
@@ -67,10 +59,7 @@ def player_v2_message(
 
 
 def player_v2_stop(key: str | None = None) -> str:
-    """Return the message that stops one key, or all of them.
-
-    Raises:
-        WireError: For an empty key.
+    """Return the message that stops one key, or all of them; ``WireError`` for an empty one.
 
     Example:
         >>> player_v2_stop()
@@ -107,8 +96,7 @@ class PlayerStatus:
 def player_v2_status(message: str) -> PlayerStatus:
     """Parse a message of the Player. Fields that are missing, null or unknown do not matter.
 
-    Raises:
-        WireError: If the text is not a JSON object, or a known field is of another type.
+    ``WireError`` if the text is not a JSON object, or a known field is of another type.
     """
     envelope = _json(message)
     if not isinstance(envelope, dict):
@@ -164,13 +152,8 @@ class Sdk3Message:
 def sdk3_auth_message(app_id: str, api_key: str) -> str:
     """Return the message that introduces a program to the Player (websocket, version 3).
 
-    Args:
-        app_id: The program's id from the vendor's portal; it stands for cipher and hashes, too, as in a client that
-            the vendor published.
-        api_key: The key that belongs to it.
-
-    Raises:
-        InvalidValueError: One of them is empty.
+    ``app_id`` is the program's from the vendor's portal; it stands for cipher and hashes, too, as in a client that the
+    vendor published. ``InvalidValueError``: it or the key that belongs to it is empty.
 
     Example:
         >>> sdk3_auth_message("lab", "key")[:26]
@@ -194,18 +177,9 @@ def sdk3_dot_message(
 ) -> str:
     """Return the message that makes the vendor's Player (websocket, version 3) play intensities.
 
-    Args:
-        intensities: (40,) integers, 0 to 100, in the wearer's order.
-        request_id: A number of the caller's.
-        duration_ms: 20 to 100000.
-        motors: Number of values to send. Both are in use, and it is unknown how the Player distinguishes them; 32
-            sends rows 0 to 3 of each panel.
-
-    Raises:
-        ShapeError: Unless there are 40.
-        DtypeError: If they are not integers.
-        WireError: If one is above 100, if row 4 is lit and `motors` is 32, or if a number is out of range.
-        InvalidValueError: If `motors` is neither.
+    ``request_id`` is a number of the caller's, below 2³². ``motors`` is the number of values to send. Both are in use,
+    and it is unknown how the Player distinguishes them; 32 sends rows 0 to 3 of each panel, and a lit row 4 is then a
+    ``WireError``. ``InvalidValueError``: ``motors`` is neither.
     """
     values = _played(intensities, request_id, duration_ms)
     if motors not in {40, 32}:
@@ -228,10 +202,7 @@ def sdk3_stop_message() -> str:
 
 
 def sdk3_stop_request(request_id: int) -> str:
-    """Return the message that ends one request (websocket, version 3).
-
-    Args:
-        request_id: The number that it was played with.
+    """Return the message that ends one request (websocket, version 3), by the number that it was played with.
 
     Example:
         >>> sdk3_stop_request(7)
@@ -243,8 +214,7 @@ def sdk3_stop_request(request_id: int) -> str:
 def sdk3_server_message(text: str) -> Sdk3Message:
     """Parse a message of the Player (websocket, version 3). Types and fields that are unknown do not matter.
 
-    Raises:
-        WireError: It is no JSON object with a type, or a list of devices that is none.
+    ``WireError``: it is no JSON object with a type, or a list of devices that is none.
 
     Example:
         >>> sdk3_server_message('{"Type":"ServerReady"}').kind
@@ -264,18 +234,7 @@ def sdk3_server_message(text: str) -> Sdk3Message:
 
 
 def hub_line(intensities: ArrayLike, *, request_id: int = 1, duration_ms: int = 150) -> str:
-    """Return the line, newline included, that makes a Hub (TCP) play intensities.
-
-    Args:
-        intensities: (40,) integers, 0 to 100, in the wearer's order.
-        request_id: A number of the caller's.
-        duration_ms: 20 to 100000.
-
-    Raises:
-        ShapeError: Unless there are 40.
-        DtypeError: If they are not integers.
-        WireError: If one is above 100, or if a number is out of range.
-    """
+    """Return the line, newline included, that makes a Hub (TCP) play intensities; see :func:`sdk3_dot_message`."""
     values = _played(intensities, request_id, duration_ms)
     dots = {"requestId": request_id, "pos": _VEST, "motors": values, "durationMillis": duration_ms}
     return _text({"message": _text(dots), "type": "SdkPlayDotMode"}) + "\n"

@@ -1,8 +1,8 @@
 """Decode the muscle sensors' serial streams.
 
 Feed each decoder with bytes as they arrive, in chunks of any size; it returns the packets that they complete. None of
-them keeps more than a few packets' worth of bytes, and none raises for any input from a port. A decoder belongs to
-one thread at a time.
+them keeps more than a few packets' worth of bytes, and none raises for any input from a port; what is no buffer of
+bytes is a ``DtypeError``. A decoder belongs to one thread at a time.
 """
 
 from __future__ import annotations
@@ -81,11 +81,7 @@ class CytonDecoder(_NumberedPackets):
     headers cannot capture the decoder. Packets that cannot be distinguished from false ones are dropped. At most 130
     bytes are held back.
 
-    Args:
-        gain: Gain of all channels: 1, 2, 4, 6, 8, 12 or 24. The board does not report it.
-
-    Raises:
-        InvalidValueError: For another gain.
+    ``gain`` of all channels is 1, 2, 4, 6, 8, 12 or 24, else ``InvalidValueError``. The board does not report it.
 
     Example:
         >>> decoder = CytonDecoder()
@@ -100,11 +96,7 @@ class CytonDecoder(_NumberedPackets):
         self._stream = _native.CytonStream(gain=gain)
 
     def feed(self, data: bytes | bytearray | memoryview) -> CytonBatch:
-        """Take the next bytes and give the packets they complete.
-
-        Raises:
-            DtypeError: If `data` is no buffer of bytes.
-        """
+        """Take the next bytes and give the packets they complete."""
         return CytonBatch(*self._stream.feed(as_bytes(data)))
 
 
@@ -125,11 +117,7 @@ class ChordsBatch(NamedTuple):
 class ChordsDecoder(_NumberedPackets):
     """Finds packets in the stream of a board with Chords firmware, by the rules of :class:`CytonDecoder`.
 
-    Args:
-        channels: 1 to 16; :func:`chords_channels` reads it off a stream.
-
-    Raises:
-        InvalidValueError: For another number.
+    ``channels`` is 1 to 16; :func:`chords_channels` reads it off a stream; ``InvalidValueError`` for another.
 
     Example:
         >>> ChordsDecoder(3).feed(bytes.fromhex("C77C 01 0200 0800 0FFF 01")).samples.tolist()
@@ -140,11 +128,7 @@ class ChordsDecoder(_NumberedPackets):
         self._stream = _native.ChordsStream(channels=channels)
 
     def feed(self, data: bytes | bytearray | memoryview) -> ChordsBatch:
-        """Take the next bytes and give the packets they complete.
-
-        Raises:
-            DtypeError: If `data` is no buffer of bytes.
-        """
+        """Take the next bytes and give the packets they complete."""
         return ChordsBatch(*self._stream.feed(as_bytes(data)))
 
 
@@ -153,9 +137,6 @@ def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
 
     The result is the number that gives most packets in unbroken order, at least three; only the first 4096 bytes are
     examined. A board's name does not always determine it: boards of one name exist with three channels and with six.
-
-    Raises:
-        DtypeError: If `data` is no buffer of bytes.
     """
     return _native.chords_channels(as_bytes(data))
 
@@ -165,11 +146,7 @@ class SpikerDecoder:
 
     A frame is given when the next one begins, since a loss shows only as a frame of the wrong length.
 
-    Args:
-        channels: 1 to 6.
-
-    Raises:
-        InvalidValueError: For another number.
+    ``channels`` is 1 to 6; ``InvalidValueError`` for another.
 
     Example:
         >>> SpikerDecoder(3).feed(bytes.fromhex("877F 0000 0400 80")).tolist()
@@ -180,11 +157,7 @@ class SpikerDecoder:
         self._stream = _native.SpikerStream(channels=channels)
 
     def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.uint16]:
-        """Take the next bytes and give the frames they complete: (n, channels) uint16, 0 to 1023.
-
-        Raises:
-            DtypeError: If `data` is no buffer of bytes.
-        """
+        """Take the next bytes and give the frames they complete: (n, channels) uint16, 0 to 1023."""
         return self._stream.feed(as_bytes(data))
 
     @property
@@ -236,11 +209,7 @@ class AsciiEmgDecoder:
         self._stream = _native.AsciiStream(channels=channels, leading=leading, drop_first=drop_first_line)
 
     def feed(self, data: bytes | bytearray | memoryview) -> NDArray[np.float64]:
-        """Take the next bytes and give the samples they complete: (n, channels) float64.
-
-        Raises:
-            DtypeError: If `data` is no buffer of bytes.
-        """
+        """Take the next bytes and give the samples they complete: (n, channels) float64."""
         return self._stream.feed(as_bytes(data))
 
     @property

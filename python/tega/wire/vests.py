@@ -2,7 +2,8 @@
 
 Forty intensities, 0 to 100, are always in the wearer's order: front then back, row by row from the top,
 columns from the wearer's left to the wearer's right on both panels (``20 * panel + 4 * row + column``). That
-is what ``VestFrame.x40()`` gives.
+is what ``VestFrame.x40()`` gives. Others raise ``ShapeError``, ``DtypeError`` (no integers) or ``WireError`` (out of
+range); so does a report or frame of the wrong length, number, version, checksum or field.
 
 No bHaptics vest is a HID device: the 64-byte reports are for this project's own USB bridge or home-made vest, a board
 that passes them on, or drives motors itself.
@@ -28,13 +29,6 @@ def _forty(intensities: ArrayLike) -> NDArray[np.uint8]:
 def vest_levels(intensities: ArrayLike) -> NDArray[np.uint8]:
     """Return the levels, 0 to 15, that a vest makes of intensities 0 to 100: ``(15 * i + 50) // 100``.
 
-    Args:
-        intensities: (n,) integers, 0 to 100.
-
-    Raises:
-        DtypeError: If they are not integers.
-        WireError: If one is above 100.
-
     Example:
         >>> vest_levels([0, 3, 4, 30, 70, 97]).tolist()
         [0, 0, 1, 5, 11, 15]
@@ -46,15 +40,8 @@ def vest_levels(intensities: ArrayLike) -> NDArray[np.uint8]:
 def x40_ble_frame(intensities: ArrayLike, *, front_mirror: bool = False) -> bytes:
     """Return the 20 bytes that set all motors of an X40; an X16 understands them too. All zeros is off.
 
-    Args:
-        intensities: (40,) integers, 0 to 100, in the wearer's order; uint8 is not copied.
-        front_mirror: Swap left and right on the front panel. Its sense on the wire rests on one published
-            table: light the front's top left motor and ask the wearer.
-
-    Raises:
-        ShapeError: Unless there are 40.
-        DtypeError: If they are not integers.
-        WireError: If one is above 100.
+    ``front_mirror`` swaps left and right on the front panel. Its sense on the wire rests on one published table:
+    light the front's top left motor and ask the wearer. Intensities of uint8 are not copied.
 
     Example:
         >>> intensities = np.zeros(40, np.uint8)
@@ -66,11 +53,7 @@ def x40_ble_frame(intensities: ArrayLike, *, front_mirror: bool = False) -> byte
 
 
 def x40_ble_levels(frame: bytes, *, front_mirror: bool = False) -> NDArray[np.uint8]:
-    """Return the (40,) levels, 0 to 15, in a vest frame, in the wearer's order.
-
-    Raises:
-        WireError: Unless the frame has 20 bytes.
-    """
+    """Return the (40,) levels, 0 to 15, in a vest frame of 20 bytes, in the wearer's order."""
     return _native.x40_ble_steps(as_bytes(frame), front_mirror=front_mirror)
 
 
@@ -79,9 +62,6 @@ def x16_levels(frame: bytes, *, front_mirror: bool = False) -> NDArray[np.uint8]
 
     Front upper, front lower, back upper, back lower, each four columns from the wearer's left. An upper motor
     takes the maximum of rows 0 and 1, a lower one of rows 2 to 4.
-
-    Raises:
-        WireError: Unless the frame has 20 bytes.
     """
     return _native.x16_steps(as_bytes(frame), front_mirror=front_mirror)
 
@@ -97,11 +77,6 @@ def hid_motor_report(
         ttl_ms: 1 to 65535: the device goes silent when no further report comes within it.
         request_status: Whether the device is to answer.
 
-    Raises:
-        ShapeError: Unless there are 40 or 32.
-        DtypeError: If they are not integers.
-        WireError: If one is above 100, or if a number is out of range.
-
     Example:
         >>> hid_motor_report([0] * 40, sequence=1, ttl_ms=150)[:8].hex(" ")
         '01 10 01 00 96 00 00 28'
@@ -111,11 +86,7 @@ def hid_motor_report(
 
 
 def hid_stop_report(*, sequence: int) -> bytes:
-    """Return the output report that switches everything off.
-
-    Raises:
-        WireError: If the sequence number is outside 0 to 65535.
-    """
+    """Return the output report that switches everything off; ``sequence`` is 0 to 65535."""
     return _native.hid_stop_report(sequence=sequence)
 
 
@@ -124,7 +95,6 @@ class HidMotor:
     """An output report, as the device reads it.
 
     Attributes:
-        sequence: Its number.
         intensities: (40,) or (32,) uint8, 0 to 100; None to stop everything.
         ttl_ms: How long they last without a further report; 0 to stop.
         request_status: Whether to answer.
@@ -137,11 +107,7 @@ class HidMotor:
 
 
 def hid_motor(report: bytes) -> HidMotor:
-    """Decode an output report, as a device does. Reports outside of the format are refused.
-
-    Raises:
-        WireError: For the wrong length, number, version, checksum or field.
-    """
+    """Decode an output report, as a device does. Reports outside of the format are refused."""
     sequence, levels = _native.hid_motor(as_bytes(report))
     if levels is None:
         return HidMotor(sequence, None, 0, request_status=False)
@@ -171,19 +137,10 @@ class HidStatus:
 
 
 def hid_status(report: bytes) -> HidStatus:
-    """Decode an input report of the device.
-
-    Raises:
-        WireError: For the wrong length, number, version or checksum, or a link state the format does not
-            have.
-    """
+    """Decode an input report of the device."""
     return HidStatus(*_native.hid_status(as_bytes(report)))
 
 
 def hid_status_report(status: HidStatus) -> bytes:
-    """Encode an input report, for a simulated device.
-
-    Raises:
-        WireError: If a number does not fit its field.
-    """
+    """Encode an input report, for a simulated device; ``WireError`` if a number does not fit its field."""
     return _native.hid_status_report(astuple(status))
