@@ -6,6 +6,8 @@ in one call.
 
 Angles are in rad; torques in units of full motor duty (1.0 = 1200 counts; the hand measures no torque).
 Joints are in the order of :data:`JOINT_NAMES`: index, middle, ring, thumb, four each from the palm outwards.
+An array of another shape raises ``ShapeError``, one that is not numeric ``DtypeError``, a number that is not finite
+or out of range ``InvalidValueError``, which names the joint.
 
 Example:
     >>> from tega import hand
@@ -56,10 +58,7 @@ TICK_S: Final[float] = _native.TICK_S
 
 
 def closure_level(closure: float) -> float:
-    """Return the place of a closure among the levels: ``1 + 4 · closure``, from 1 (open) to 5 (full closure).
-
-    Args:
-        closure: 0 (open) to 1 (full closure).
+    """Return the place of a closure, 0 to 1, among the levels: ``1 + 4 · closure``, from 1 (open) to 5 (full).
 
     Example:
         >>> closure_level(0.6)
@@ -69,10 +68,7 @@ def closure_level(closure: float) -> float:
 
 
 def nearest_level(closure: float) -> int:
-    """Return the closure level, 1 to 5, that is nearest to a closure; the higher of two.
-
-    Args:
-        closure: 0 (open) to 1 (full closure).
+    """Return the closure level, 1 to 5, that is nearest to a closure, 0 to 1; the higher of two.
 
     Example:
         >>> nearest_level(0.6)
@@ -82,10 +78,7 @@ def nearest_level(closure: float) -> int:
 
 
 def split_level(level: float) -> tuple[int, float | None]:
-    """Return the nearest whole level, and the closure where the level lies between two.
-
-    Args:
-        level: 1 to 5, or 0 for a hand that is let go.
+    """Return the nearest whole level (0: a hand that is let go), and the closure where the level lies between two.
 
     Example:
         >>> split_level(3), split_level(3.5)
@@ -122,11 +115,6 @@ class HandController:
         level_factors: Share of the torque limits in each level, (5,), 0 to 1; None:
             :data:`LEVEL_TORQUE_FACTORS`.
         slew_per_tick: Largest change of a torque in 3 ms; None: 0.05.
-
-    Raises:
-        InvalidValueError: A number is not finite or out of range; the message names the joint.
-        ShapeError: An argument has another shape.
-        DtypeError: An argument is not numeric.
     """
 
     def __init__(
@@ -141,19 +129,17 @@ class HandController:
         slew_per_tick: float | None = None,
     ) -> None:
         default_error, default_slew = _native.DEFAULT_ERROR_LIMIT_RAD, _native.DEFAULT_SLEW_PER_TICK
+        limits = TORQUE_LIMITS if torque_limits is None else torque_limits
+        factors = LEVEL_TORQUE_FACTORS if level_factors is None else level_factors
         self._native = _native.HandController(
-            poses_rad=CLOSURE_POSES_RAD
-            if poses_rad is None
-            else float_array("poses_rad", poses_rad, (5, 16)),
-            kp=_native.DEFAULT_KP if kp is None else float_array("kp", kp, (16,), scalar=True),
-            kd=_native.DEFAULT_KD if kd is None else float_array("kd", kd, (16,), scalar=True),
+            poses_rad=float_array(
+                "poses_rad", CLOSURE_POSES_RAD if poses_rad is None else poses_rad, (5, 16)
+            ),
+            kp=float_array("kp", _native.DEFAULT_KP if kp is None else kp, (16,), scalar=True),
+            kd=float_array("kd", _native.DEFAULT_KD if kd is None else kd, (16,), scalar=True),
             error_limit_rad=default_error if error_limit_rad is None else error_limit_rad,
-            torque_limits=TORQUE_LIMITS
-            if torque_limits is None
-            else float_array("torque_limits", torque_limits, (16,), scalar=True),
-            level_factors=LEVEL_TORQUE_FACTORS
-            if level_factors is None
-            else float_array("level_factors", level_factors, (5,)),
+            torque_limits=float_array("torque_limits", limits, (16,), scalar=True),
+            level_factors=float_array("level_factors", factors, (5,)),
             slew_per_tick=default_slew if slew_per_tick is None else slew_per_tick,
         )
 
@@ -182,8 +168,6 @@ class HandController:
             InvalidValueError: Level or addition is out of range, a number is not finite, or no encoder can report
                 it. There is no torque then (``out`` holds zeros): send zero. The next torque starts from
                 zero.
-            ShapeError: An array is not (16,).
-            DtypeError: An array is not numeric, or ``out`` not float64.
         """
         if out is not None:
             _check_out(out)
@@ -202,35 +186,16 @@ class HandController:
     ) -> list[tuple[int, bytes, bool]]:
         """Run one cycle of 3 ms between both ends of a version 4 hand's cable, in one call.
 
-        The same as :meth:`step` of the angles as the hand's encoders show them, and
-        :func:`tega.wire.allegro_torque_frames` of the torques.
-
-        Args:
-            angles_rad: True joint angles, float64 (16,).
-            level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: As of :meth:`step`.
-            device_id: The hand's number on its bus, 0 to 3.
-
-        Returns:
-            Identifier and data of the four SET TORQUE frames, and that none is a request.
-
-        Raises:
-            InvalidValueError: As :meth:`step`.
-            ShapeError: The array is not (16,).
-            WireError: An angle is not finite or beyond what an encoder can report, or the number is above 3.
+        The same as :meth:`step` of the true angles as the hand's encoders show them, and
+        :func:`tega.wire.allegro_torque_frames` of the torques: identifier and data of the four SET TORQUE frames,
+        and that none is a request. ``WireError``: an angle is not finite or beyond what an encoder can report.
         """
         return self._native.step_encoded(angles_rad, level, added, device_id=device_id)
 
     def reset(self, angles_rad: ArrayLike) -> None:
-        """Adopt a measured pose: the target is there and at rest, the torque starts from zero.
+        """Adopt a measured pose, (16,): the target is there and at rest, the torque starts from zero.
 
-        Args:
-            angles_rad: Measured joint angles, (16,). An angle outside the joint limits is adopted at the limit.
-
-        Raises:
-            InvalidValueError: An angle is not finite, or no encoder can report it.
-            ShapeError: The array is not (16,).
-            DtypeError: The array is not numeric.
+        An angle outside the joint limits is adopted at the limit.
         """
         self._native.reset(float_array("angles_rad", angles_rad, (16,)))
 
@@ -256,11 +221,6 @@ class JointModel:
             it.
         full_duty_speed_rad_s: Speed at torque 1.0 without load; the default is the vendor's 60° in 0.11 s.
         time_constant_s: Time to 63 % of the speed. The default is a choice; no source gives it.
-
-    Raises:
-        InvalidValueError: A number is not finite or out of range.
-        ShapeError: ``angles_rad`` is not (16,).
-        DtypeError: ``angles_rad`` is not numeric.
     """
 
     def __init__(
@@ -276,18 +236,9 @@ class JointModel:
         )
 
     def step(self, torques: ArrayLike) -> NDArray[np.float64]:
-        """Apply torques for one cycle of 3 ms and return the joint angles after it.
+        """Apply torques, (16,), for one cycle of 3 ms and return the joint angles after it, float64 (16,), rad.
 
-        Args:
-            torques: (16,), torque units; values beyond ±1 (full duty) count as ±1.
-
-        Returns:
-            Joint angles, float64 (16,), rad.
-
-        Raises:
-            InvalidValueError: A torque is not finite; nothing moves then.
-            ShapeError: The array is not (16,).
-            DtypeError: The array is not numeric.
+        Values beyond ±1 (full duty) count as ±1. Nothing moves where a torque is not finite.
         """
         return self._native.step(float_array("torques", torques, (16,)))
 
@@ -305,13 +256,7 @@ class JointModel:
 class ModelledHand:
     """A controller and a joint model closed into a loop; one native call a cycle.
 
-    Args:
-        controller: None: one with its defaults.
-        model: None: one at rest in the controller's default open pose.
-
-    Attributes:
-        controller: The controller given.
-        model: The model given.
+    By default the controller has its defaults, and the model rests in the default open pose.
     """
 
     def __init__(self, controller: HandController | None = None, model: JointModel | None = None) -> None:
@@ -322,17 +267,7 @@ class ModelledHand:
         """Run one cycle of 3 ms: torques from the angles before it, and the angles they lead to.
 
         The same as ``torques = controller.step(model.angles_rad, level, added=added)`` and ``angles =
-        model.step(torques)``.
-
-        Args:
-            level: Closure level asked for, 1 to 5 with fractions between two poses.
-            added: As of :meth:`HandController.step`.
-
-        Returns:
-            Joint angles after the cycle (rad) and the torques applied in it, float64 (16,) each.
-
-        Raises:
-            InvalidValueError: Level or addition is out of range.
+        model.step(torques)``; returns angles (rad) and torques, float64 (16,) each.
         """
         return _native.step_modelled(self.controller._native, self.model._native, level, added)  # noqa: SLF001
 
