@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from tega.devices import driver_class
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError, StreamContradictionError
@@ -182,12 +181,3 @@ WRONG = [
 def test_opening_says_what_is_wrong(options: dict[str, Any], text: str) -> None:
     with pytest.raises(DeviceUnavailableError, match=text):
         source(**options).open()
-
-
-def test_it_is_listed_and_opens_again_after_a_failure() -> None:
-    assert driver_class("brainflow", "emg") is BrainFlowEmg
-    board = source(channels=(99,))
-    with pytest.raises(DeviceUnavailableError):
-        board.open()
-    with source() as fine:
-        assert fine.read(1.0) is not None

@@ -14,7 +14,6 @@ from typing import Any
 
 import pytest
 
-from reference.command import call
 from reference.parts import observed
 from reference.processes import until
 from tega.config import check_tree
@@ -187,14 +186,3 @@ def test_another_process_hears_states_trials_faults_and_pedals_when_they_happene
         summary["markers"]["in"]["problem"] == "markers: no stream called 'nobody-there' on the network yet"
     )
     assert summary["markers"]["in"]["problem"] in summary["safety"]["alerts"]
-
-
-def test_without_the_package_there_is_one_clear_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setitem(sys.modules, "pylsl", None)
-    settings = tmp_path / "s.toml"
-    settings.write_text('[emg]\ndriver = "synthetic-emg"\nkind = "raw"\n[markers]\nlsl_out = "x"\n')
-    error, hint = call(capsys, "run", settings, code=3)[1].splitlines()
-    assert "'markers.lsl_out' needs the package 'pylsl'" in error
-    assert "[lsl]'" in hint

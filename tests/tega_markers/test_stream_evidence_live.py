@@ -17,7 +17,7 @@ from tega.config import check_tree
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.devices.fingertip.digit import Digit, DigitOptions
-from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.errors import StreamContradictionError
 from tega.loop import run_session
 from tega.setup.doctor import examine
 from tega_emulators.process import Emulator
@@ -275,7 +275,3 @@ def test_the_alert_of_a_contradiction_is_in_the_summary(tmp_path: Path) -> None:
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)
     text = json.dumps(summary)
     assert any("stamp: the stamps lie" in alert for alert in summary["safety"]["alerts"]), text
-
-
-def test_a_stream_that_is_lost_for_its_evidence_is_a_device_that_is_not_there() -> None:
-    assert issubclass(StreamContradictionError, DeviceUnavailableError)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
-import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -16,7 +15,7 @@ from click.testing import CliRunner
 
 from reference import processes
 from reference.trackers import Steered, some, until, wrist_goes
-from tega.errors import DeviceUnavailableError, MissingExtraError
+from tega.errors import DeviceUnavailableError
 from tega.ui.cli.arm import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
@@ -310,12 +309,6 @@ def test_without_a_runtime_it_is_said_where_one_is_looked_for(
     with pytest.raises(DeviceUnavailableError, match=r"no OpenXR runtime: .*(Monado|active_runtime)"):
         opened().open()
     assert [t.name for t in threading.enumerate() if t.name == "tega-openxr"] == []
-
-
-def test_without_pyopenxr_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "xr", None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'tega\[openxr\]'"):
-        opened().open()
 
 
 def test_forward_is_found_with_it(service: Emulator, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from reference.emg_boards import (
 )
 from tega.devices.emg import live_emg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
-from tega.errors import DeviceUnavailableError, MissingExtraError, SampleRateError
+from tega.errors import DeviceUnavailableError, SampleRateError
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
@@ -212,13 +212,6 @@ def test_ports_that_do_not_open_say_why() -> None:
         pytest.raises(DeviceUnavailableError, match="another program has it open"),
     ):
         opened("serial-emg", device).open()
-
-
-@pytest.mark.parametrize(("name", "module"), [("cyton", "serial"), ("lsl-emg", "pylsl")])
-def test_a_missing_package_names_the_extra(name: str, module: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(MissingExtraError, match=r"pip install 'tega\[(lab|lsl)\]'"):
-        CASES[name].make("nowhere").open()
 
 
 def test_opening_on_a_machine_that_is_never_still_ends(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -168,18 +168,8 @@ def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, mapping) 
     obedience = Obedience(limits)
     now_ns, hand, turn, arm = 10_000_000_000, np.zeros(3), so3.IDENTITY, Pose(MIDDLE, FORWARD)
     states = set()
-    opening = [
-        {
-            **ticks[0],
-            "clutch": c,
-            "dead_man": True,
-            "dt_ms": 10,
-            "measured": "lag",
-            "faults": [],
-            "good": True,
-        }
-        for c in (False, True)
-    ]
+    sound = {"dead_man": True, "dt_ms": 10, "measured": "lag", "faults": [], "good": True}
+    opening = [ticks[0] | sound | {"clutch": clutch} for clutch in (False, True)]
     for step in opening + ticks:
         for _ in range(step["times"]):
             now_ns += step["dt_ms"] * 1_000_000
@@ -241,23 +231,23 @@ def follow(
 @given(
     place=vectors,
     q=quaternions,
-    dt_ms=st.integers(10, 90),
+    dt_ms=st.integers(25, 90),
     sag_m=st.floats(0, 0.025),
     scale=st.floats(0.1, 1.5),
 )
-@settings(max_examples=25)
+@settings(max_examples=12)
 def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> None:
     chain = ArmChain(ArmSettings(mapping=MappingSettings(scale=scale)))
     start = Pose(MIDDLE + 0.1 * place, FORWARD)
     now_ns, measured_m, held = 0, start.position_m, 0
     for n in range(3):  # take hold, let go, take hold elsewhere
         hand = place + 0.5 * n, so3.multiply(so3.exp(0.9 * n * place), q)
-        for tick_number in range(60):
+        for tick_number in range(30):
             now_ns += dt_ms * 1_000_000
             command = chain.step(
                 now_ns,
                 [StampedPose(now_ns, *hand)],
-                clutch=tick_number > 50,  # by then the tracker's jump is forgotten
+                clutch=tick_number > 20,  # by then the tracker's jump is forgotten
                 dead_man=True,
                 measured=StampedPose(now_ns, measured_m, FORWARD),
             )
@@ -274,10 +264,10 @@ def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> No
 
 @given(
     goals=st.lists(st.tuples(vectors, vectors), min_size=1, max_size=3),
-    dt_ms=st.integers(10, 40),
+    dt_ms=st.integers(20, 40),
     far_m=st.floats(0.1, 0.6),
 )
-@settings(max_examples=10)
+@settings(max_examples=6)
 def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_else(
     goals, dt_ms, far_m
 ) -> None:
@@ -309,7 +299,7 @@ def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_
 
 
 @given(v=vectors, w=vectors, dt_ms=st.integers(2, 50))
-@settings(max_examples=40)
+@settings(max_examples=15)
 def test_q_and_minus_q_lead_to_the_same(v, w, dt_ms) -> None:
     runs = []
     for sign in (1, -1):
@@ -320,25 +310,25 @@ def test_q_and_minus_q_lead_to_the_same(v, w, dt_ms) -> None:
         def hand(n: int, sign: int = sign) -> tuple[np.ndarray, np.ndarray]:
             return 0.002 * n * v, so3.exp(0.02 * n * w) * (sign if n % 3 else 1)
 
-        runs.append(follow(chain, 2 * dt_ns, 40, dt_ns, hand))
+        runs.append(follow(chain, 2 * dt_ns, 25, dt_ns, hand))
     for one, other in zip(*runs, strict=True):
         np.testing.assert_array_equal(one.target.position_m, other.target.position_m)
         np.testing.assert_array_equal(one.target.quaternion_xyzw, other.target.quaternion_xyzw)
 
 
 @given(rate_hz=st.integers(1, 1000), v=vectors, w=vectors)
-@settings(max_examples=30)
+@settings(max_examples=20)
 def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
     limits = LimitSettings()
     chain, obedience = ArmChain(ArmSettings(mapping=BASE)), Obedience(limits)
     dt_ns = round(1e9 / rate_hz)
-    seconds = 100 / rate_hz
+    seconds = 60 / rate_hz
 
     def hand(n: int) -> tuple[np.ndarray, np.ndarray]:
         phase = math.sin(2 * math.pi * n / 40)
         return min(0.08, 2 * seconds) * phase * v, so3.exp(min(0.5, 5 * seconds) * phase * w)
 
-    for command in follow(chain, 0, 2, dt_ns, clutch=False) + follow(chain, 2 * dt_ns, 100, dt_ns, hand):
+    for command in follow(chain, 0, 2, dt_ns, clutch=False) + follow(chain, 2 * dt_ns, 60, dt_ns, hand):
         obedience.observe(command)
     if rate_hz >= 20:
         # A drawn hand that turns as fast as the gate's limit is taken for a tracker that jumps.
@@ -348,7 +338,7 @@ def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
 
 
 @given(v=vectors, w=vectors, ahead_m=st.sampled_from([0.005, 0.03]), ahead_rad=st.sampled_from([0.05, 0.2]))
-@settings(max_examples=20)
+@settings(max_examples=8)
 def test_the_target_stays_near_an_arm_that_is_stuck(v, w, ahead_m, ahead_rad) -> None:
     chain = ArmChain(
         ArmSettings(mapping=BASE, limits=LimitSettings(ahead_m=ahead_m, ahead_rad=ahead_rad, tilt_rad=1.5))

@@ -62,15 +62,6 @@ def _limp(hand: Emulator) -> bool:
     return not state["servo_on"] and not any(state["duties"])
 
 
-def test_the_emulated_hand_shares_no_code_with_the_driver() -> None:
-    program = (
-        "import sys, tega_emulators.allegro_port\n"
-        "print([m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.hand'))])"
-    )
-    message = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    assert message.stdout.strip() == "[]"
-
-
 def test_the_emulated_hand_says_what_a_real_one_said() -> None:
     node = AllegroNode()
     # Bytes of the fact sheet: information of a 4.2 hand with firmware 4.6, right; temperatures one byte a joint.

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import ast
 import math
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import tega.arm
 from reference.arm_bench import FORWARD, MIDDLE, MS, Bench
 from tega.arm import (
     ArmChain,
@@ -355,34 +352,3 @@ def test_settings_that_make_no_sense_are_refused() -> None:
     for change in changes:
         with pytest.raises(InvalidValueError, match="absolute poses are in the base's axes"):
             MappingSettings(**{"frame": "base", "absolute": True, **change})
-
-
-def test_a_hand_of_joints_is_no_forearm() -> None:
-    bench = Bench().take_hold()
-    joints = StampedPose(bench.now_ns + 10 * MS, np.zeros((26, 3)), np.zeros((26, 4)))
-    bench.tracker = False
-    for _ in range(12):
-        bench.now_ns += 10 * MS
-        command = bench.chain.step(
-            bench.now_ns,
-            [joints._replace(t_ns=bench.now_ns)],
-            clutch=True,
-            dead_man=True,
-            measured=StampedPose(bench.now_ns, *bench.arm),
-        )
-    assert command.state == "holding"
-    assert "not one place and one turn" in command.reason
-
-
-def test_no_module_of_the_chain_imports_fingers() -> None:
-    folder = Path(tega.arm.__file__).parent
-    files = sorted(folder.rglob("*.py"))
-    assert len(files) > 11
-    for file in files:
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += (
-                [alias.name for alias in node.names] if isinstance(node, ast.Import | ast.ImportFrom) else []
-            )
-            assert not any("finger" in name.lower() for name in names), file.name
-    assert set(StampedPose._fields) == {"t_ns", "position_m", "quaternion_xyzw", "valid"}

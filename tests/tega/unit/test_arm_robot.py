@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from reference.arm_bench import Led
 from tega.arm import ArmCommand, Pose, StampedPose
-from tega.arm.messages import ArmTargetWords, decode, encode
+from tega.arm.messages import ArmTargetWords
 from tega.arm.rotation import between
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.arm.robot import fci
@@ -38,10 +38,6 @@ _TURN = (0.0, 0.0, 0.0, 1.0)
 def requested(n: int, t_ms: float, **other: object) -> ArmTargetWords:
     given = {"session": 7, "state": "following", "engagements": 1, "place": (0.5, 0.0, 0.3), "turn": _TURN}
     return ArmTargetWords(sequence=n, t_ns=round(t_ms * _MS), **{**given, **other})  # type: ignore[arg-type]
-
-
-def test_a_message_comes_out_as_it_went_in() -> None:
-    assert decode(encode(requested(3, 5))) == requested(3, 5)
 
 
 @pytest.mark.parametrize(
@@ -89,15 +85,6 @@ def test_a_command_that_is_not_obeyed(command: ArmTargetWords, message: str) -> 
     order = leash.order(100 * _MS)
     assert order.requested is not None
     assert order.requested.sequence == 1
-
-
-def test_a_burst_of_old_commands_moves_nothing() -> None:
-    leash = Leash(7)
-    leash.take(requested(0, 0), 0)
-    now_ns = 3000 * _MS
-    taken = [leash.take(requested(n, 10 * n), now_ns) for n in range(1, 301)]
-    assert sum(not message for message in taken) == 11  # those of the last 100 ms
-    assert leash.order(now_ns).kind == "rest"
 
 
 def test_nothing_is_followed_that_was_stopped_or_lost() -> None:
@@ -216,16 +203,6 @@ def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(arm: 
     led.until(lambda: arm.problem == "")
     assert np.linalg.norm(led.place - start) < 0.04
     assert arm.health.refused > 0
-
-
-@pytest.mark.slow
-def test_an_arm_s_process_that_is_killed_is_told(arm: SimulatedArm) -> None:
-    led = Led(arm)
-    led.hold()
-    os.kill(arm.pid(), signal.SIGKILL)
-    led.until(lambda: "has ended (-9)" in arm.problem)
-    assert arm.phase == "gone"
-    led.until(lambda: led.command is not None and led.command.state == "stopped")
 
 
 def test_the_arm_s_process_does_not_outlive_the_run() -> None:

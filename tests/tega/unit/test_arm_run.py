@@ -183,49 +183,6 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("degrees", [90, 180])
-def test_forward_leads_the_hand_away_from_the_operator_where_the_base_is_turned(
-    tmp_path: Path, degrees: int
-) -> None:
-    base_yaw = math.radians(degrees) * 0.9999  # half a turn is the limit of the setting
-
-    def turn(tree: dict[str, Any]) -> None:
-        tree["arm"].setdefault("mapping", {})["base_yaw_rad"] = base_yaw
-
-    def hand_m(run: Run) -> tuple[float, ...]:
-        seen = None if run.view is None else run.view.seen_arm
-        assert seen is not None
-        assert seen.hand_m is not None
-        return tuple(seen.hand_m)
-
-    with running(tmp_path, turn) as run:
-        run.lab.headset.say("at 0 1.2 0")
-        run.hold()
-        start_m = hand_m(run)
-        for step in range(1, 11):
-            run.lab.headset.say(f"at 0 1.2 {-0.01 * step}")  # the headset's forward
-            time.sleep(0.02)
-        run.until(lambda: math.dist(hand_m(run), start_m) > 0.08)
-        x, y, _ = (a - b for a, b in zip(hand_m(run), start_m, strict=True))
-    forward, left = (
-        x * math.cos(base_yaw) - y * math.sin(base_yaw),
-        x * math.sin(base_yaw) + y * math.cos(base_yaw),
-    )
-    assert forward > 0.07
-    assert abs(left) < 0.02
-
-
-@pytest.mark.slow
-def test_taking_hold_and_letting_go_moves_nothing(tmp_path: Path) -> None:
-    with running(tmp_path) as run:
-        for _ in range(3):
-            run.hold()
-    targets = [place for _, place in places(run.rows(), "target")]
-    # The emulated wrist trembles by 0.2 mm.
-    assert max(math.dist(targets[0], place) for place in targets) < 2e-3
-
-
-@pytest.mark.slow
 def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         run.hold()

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import random
 import re
-import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -14,10 +12,9 @@ import pytest
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import ManualClock
-from tega_emulators.ascii_board import AsciiBoard
 from tega_emulators.chords import ChordsBoard
 from tega_emulators.cyton import CytonBoard
-from tega_emulators.faults import FAULTS, Faults, Signal
+from tega_emulators.faults import FAULTS, Signal
 from tega_emulators.process import Emulator
 
 MODULES = (
@@ -44,7 +41,8 @@ def test_no_emulator_imports_what_it_is_to_check() -> None:
         "import importlib, sys\n"
         f"for name in {MODULES}:\n"
         "    importlib.import_module('tega_emulators.' + name)\n"
-        "    found = [m for m in sys.modules if m.startswith(('tega.wire', 'tega._native', 'tega.devices'))]\n"
+        "    ours = ('tega.wire', 'tega._native', 'tega.devices', 'tega.hand')\n"
+        "    found = [m for m in sys.modules if m.startswith(ours)]\n"
         "    assert found == [], (name, found)\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -136,29 +134,6 @@ def test_chords_sketches_of_2026_take_lines_and_are_deaf_while_they_blink() -> N
     assert board.go_on() == b"STOPPED\r\n"
 
 
-def test_lines_are_what_arduino_prints() -> None:
-    board = AsciiBoard(signal("ramp"), rate_hz=500, n_channels=3, baud=0, stamp=True, banner="MyoWare")
-    assert board.power_on() == b"MyoWare\r\n"
-    assert [board.packet() for _ in range(2)] == [b"0,12,112,212\r\n", b"2,13,113,213\r\n"]
-
-
-def test_faults_do_what_they_say() -> None:
-    faults, packet = Faults(random.Random(1)), bytes(range(33))
-    assert faults.pass_on(packet) == packet
-    expected = {"loss": 0, "duplicate": 66}
-    for name, length in expected.items():
-        faults.set(name, 1.0)
-        assert len(faults.pass_on(packet)) == length
-        faults.clear()
-    faults.set("half", 1.0)
-    halves = [faults.pass_on(packet) for _ in range(50)]
-    assert all(0 < len(h) < 33 and packet.startswith(h) for h in halves)
-    with pytest.raises(KeyError):
-        faults.set("nonsense", 1.0)
-    with pytest.raises(ValueError, match=r"1\.5"):
-        faults.set("loss", 1.5)
-
-
 # One of each loop of commands: that of serial boards, that of vests, and one of its own.
 @pytest.mark.parametrize("module", ["cyton", "hid_bridge", "digit"])
 def test_an_emulator_answers_what_it_does_not_understand_and_lives(module: str, tmp_path: Path) -> None:
@@ -184,44 +159,3 @@ def test_a_board_on_a_serial_port_refuses_bad_numbers_and_tells_its_new_port() -
         device.say("unplug")
         device.say("plug")
         assert Path(device.port).is_char_device()
-
-
-def test_an_emulator_that_cannot_start_says_so(capfd: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(DeviceUnavailableError, match="cyton has ended"), Emulator("cyton", "--no-such"):
-        pass
-    assert "--no-such" in capfd.readouterr().err
-
-
-def test_a_network_stream_refuses_faults_that_only_a_wire_has() -> None:
-    pytest.importorskip("pylsl", reason="needs the extra tega[lsl]")
-    with Emulator("lsl") as device:
-        with pytest.raises(ValueError, match="garbage"):
-            device.say("garbage")
-        device.say("loss 0.1")
-
-
-def test_a_player_says_nothing_of_who_only_looks_whether_its_port_is_open(
-    capfd: pytest.CaptureFixture[str],
-) -> None:
-    with Emulator("bhaptics_player", "--port", "0") as player:
-        for _ in range(3):
-            socket.create_connection(("127.0.0.1", player.port), 5.0).close()
-        with socket.create_connection(("127.0.0.1", player.port), 5.0) as knock:
-            knock.sendall(b"no handshake\r\n\r\n")
-            while knock.recv(4096):
-                pass
-        player.say("look")
-    assert capfd.readouterr().err == ""
-
-
-def test_a_port_that_vanished_comes_back_as_no_other_program_s() -> None:
-    with Emulator("cyton") as board:
-        gone = board.port
-        board.say("unplug")
-        assert not Path(gone).exists()
-        ours, theirs = os.openpty()
-        try:
-            assert os.ttyname(theirs) != gone
-        finally:
-            os.close(ours)
-            os.close(theirs)

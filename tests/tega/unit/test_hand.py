@@ -53,10 +53,6 @@ def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> No
     assert np.abs(np.diff(angles, axis=0)).max() < 3.0 * 0.003
 
 
-def test_two_runs_are_equal_bit_for_bit() -> None:
-    assert run(1, 5, 600).tobytes() == run(1, 5, 600).tobytes()
-
-
 def _seconds_to_half_a_level(
     rise_levels_per_s: float, reported: Callable[[float], tuple[float, float]]
 ) -> float:

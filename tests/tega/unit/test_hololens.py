@@ -123,48 +123,6 @@ def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -
         assert lens.counts.connections == 1
 
 
-@pytest.mark.parametrize(
-    ("fault", "reason"),
-    [("nan", "not finite"), ("zero-turn", "length 0, not 1"), ("lose", "calls it lost")],
-)
-def test_a_wrist_that_cannot_be_steers_nothing(headset: Emulator, fault: str, reason: str) -> None:
-    with opened(headset) as lens:
-        steered = Steered(lens)
-        steered.hold()
-        before = steered.at
-        headset.say(fault)
-        command = steered.until(lambda c: c.state == "idle")
-        assert reason in command.reason
-        assert steered.travel_m(before) < 0.005
-
-
-def test_a_wrist_that_jumps_does_not_move_the_arm(headset: Emulator) -> None:
-    with opened(headset) as lens:
-        steered = Steered(lens)
-        steered.hold()
-        before, packets = steered.at, lens.counts.poses
-        headset.say("jump 0.4 0 0")
-        steered.until(lambda _: lens.counts.poses > packets + 20)
-        assert steered.travel_m(before) < 0.005
-
-
-@pytest.mark.slow
-def test_the_arm_follows_the_wrist(headset: Emulator) -> None:
-    with opened(headset) as lens:
-        steered = Steered(lens)
-        steered.hold()
-        before = steered.at
-        # From -0.4 to -0.5 along the headset's z is 10 cm forward, in steps that a hand can make.
-        for step in range(1, 11):
-            headset.say(f"at 0.2 -0.3 {-0.4 - step / 100:.2f}")
-            packets = lens.counts.poses
-            steered.until(lambda _, n=packets: lens.counts.poses > n + 4)  # type: ignore[misc]
-        moved = steered.until(lambda c: c.target is not None and c.target.position_m[0] > 0.59)
-        assert moved.state == "following"
-        assert moved.target is not None
-        assert abs(moved.target.position_m[1] - before.position_m[1]) < 0.01
-
-
 @pytest.mark.slow
 def test_a_connection_that_says_nothing_is_dropped_and_made_anew(headset: Emulator) -> None:
     with opened(headset, silent_s=0.3) as lens:
