@@ -11,18 +11,18 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from reference.hand_bench import PATIENT, driver, limp, pushes
 from reference.played import muscles
+from reference.processes import until
 from tega.config import check_tree
 from tega.devices import SteeredHand, driver_class
 from tega.devices.hand.allegro import Allegro
-from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, TegaError, WrongDeviceError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.loop import run_session
@@ -31,35 +31,15 @@ from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 
-PATIENT: dict[str, Any] = {"silent_after_ms": 1000.0, "lowest_rate_hz": 50.0}
 SLOW: dict[str, Any] = {"sleep_after_open": 2.0}
 
 
-def _driver(hand: Emulator, **options: Any) -> Allegro:
-    make: Any = AllegroOptions
-    return Allegro(make(**{**hand.address, **PATIENT, **options}))
-
-
-def _until(done: Callable[[], bool], *, seconds: float = 60.0) -> bool:
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s:
-        if done():
-            return True
-        time.sleep(0.01)
-    return False
-
-
-def _reaches(driver: Allegro, level: int) -> bool:
+def _reach(steered: Allegro, level: int) -> None:
     def near() -> bool:
-        driver.step(level)
-        return float(np.abs(driver.angles_rad - CLOSURE_POSES_RAD[level - 1]).max()) < 0.03
+        steered.step(level)
+        return float(np.abs(steered.angles_rad - CLOSURE_POSES_RAD[level - 1]).max()) < 0.03
 
-    return _until(near)
-
-
-def _limp(hand: Emulator) -> bool:
-    state = hand.say("look")
-    return not state["servo_on"] and not any(state["duties"])
+    until(near)
 
 
 def test_the_emulated_hand_says_what_a_real_one_said() -> None:
@@ -78,19 +58,19 @@ def test_the_emulated_hand_says_what_a_real_one_said() -> None:
 
 def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
     with Emulator("allegro_port", "--seed", "3") as hand:
-        with _driver(hand) as driver:
-            assert isinstance(driver, SteeredHand)
-            assert _reaches(driver, 4)
+        with driver(hand) as steered:
+            assert isinstance(steered, SteeredHand)
+            _reach(steered, 4)
             truth = hand.say("look")
             assert truth["servo_on"]
-            assert np.abs(driver.angles_rad - truth["angles_rad"]).max() < 0.02
-            assert _until(lambda: None not in driver.state().joints_c)
-            assert _until(lambda: {f.id for f in driver.step(1)} >= {0x180, 0x184, 0x188, 0x18C})
-            assert "firmware 4.6" in driver.info.notes[0]
-        assert _limp(hand)
+            assert np.abs(steered.angles_rad - truth["angles_rad"]).max() < 0.02
+            until(lambda: None not in steered.state().joints_c)
+            until(lambda: {f.id for f in steered.step(1)} >= {0x180, 0x184, 0x188, 0x18C})
+            assert "firmware 4.6" in steered.info.notes[0]
+        assert limp(hand)
         assert not hand.say("look")["reports"]
         with pytest.raises(DeviceUnavailableError):
-            driver.step(1)
+            steered.step(1)
 
 
 @pytest.mark.parametrize(
@@ -104,49 +84,49 @@ def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
 def test_another_hand_is_refused_before_any_torque(arguments: tuple[str, ...], words: str) -> None:
     with Emulator("allegro_port", *arguments) as hand:
         with pytest.raises(WrongDeviceError, match=words):
-            _driver(hand).open()
-        assert _limp(hand)
+            driver(hand).open()
+        assert limp(hand)
         assert not hand.say("look")["reports"]
 
 
-def _firmed(driver: Allegro, level: int, added: float) -> bool:
-    """Whether the targets of a hand come to lie where a level and what is added are, whichever way they came."""
+def _firm(steered: Allegro, level: int, added: float) -> None:
+    """Wait until the targets of a hand lie where a level and what is added are, whichever way they came."""
     below, above = CLOSURE_POSES_RAD[level - 1], CLOSURE_POSES_RAD[level]
     wanted = below + added * (above - below)
 
     def there() -> bool:
-        driver.step(level, added)
-        target = driver.target_rad
+        steered.step(level, added)
+        target = steered.target_rad
         return target is not None and float(np.abs(target - wanted).max()) < 1e-6
 
-    return _until(there)
+    until(there)
 
 
 def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() -> None:
     reported: set[tuple[float, float]] = set()
     with Emulator("allegro_port") as hand:
-        driver = _driver(hand)
-        driver.on_exchange = lambda spoken: reported.add((spoken.level, spoken.added))
-        with driver:
-            assert _reaches(driver, 3)
+        steered = driver(hand)
+        steered.on_exchange = lambda spoken: reported.add((spoken.level, spoken.added))
+        with steered:
+            _reach(steered, 3)
             for added in (0.5, 0.25, 0.0):
-                assert _firmed(driver, 3, added)
+                _firm(steered, 3, added)
     assert {(3.0, 0.5), (3.0, 0.25), (3.0, 0.0)} <= reported
 
 
 @pytest.mark.parametrize("word", [(3.0, math.nan), (math.nan, 0.0), (3.0, -0.5), (3.0, 2.0), (7.0, 0.5)])
 def test_a_hostile_word_to_the_hand_s_process_has_it_let_go(word: tuple[float, float]) -> None:
     with Emulator("allegro_port") as hand:
-        driver = _driver(hand)
-        driver.open()
+        steered = driver(hand)
+        steered.open()
         try:
-            assert _reaches(driver, 3)
-            driver._check().say(*word)
-            assert _until(lambda: _limp(hand))
+            _reach(steered, 3)
+            steered._check().say(*word)
+            until(lambda: limp(hand))
             with pytest.raises(DeviceUnavailableError, match=r"(level|added) = "):
-                driver.step(3)
+                steered.step(3)
         finally:
-            driver.close()
+            steered.close()
 
 
 def test_nobody_there_and_no_adapter() -> None:
@@ -154,10 +134,10 @@ def test_nobody_there_and_no_adapter() -> None:
         Emulator("allegro_port", "--device-id", "2") as hand,
         pytest.raises(DeviceUnavailableError, match="20 requests") as got,
     ):
-        _driver(hand).open()
+        driver(hand).open()
     assert "12 V" in got.value.hint
     with pytest.raises(DeviceUnavailableError, match="did not open"):
-        _driver(hand).open()
+        driver(hand).open()
 
 
 ENDS = {
@@ -182,80 +162,80 @@ def test_a_fault_lets_go_of_the_hand_and_says_why(fault: str) -> None:
     lowest_hz = 150.0 if fault == "slow" else 50.0
     with (
         Emulator("allegro_port") as hand,
-        _driver(hand, reconnects=1, silent_after_ms=300.0, lowest_rate_hz=lowest_hz) as driver,
+        driver(hand, reconnects=1, silent_after_ms=300.0, lowest_rate_hz=lowest_hz) as steered,
     ):
-        driver.step(2)
+        steered.step(2)
         hand.say(fault)
         message: list[TegaError] = []
 
         def ended() -> bool:
             try:
-                driver.step(5)
+                steered.step(5)
             except DeviceUnavailableError as error:
                 message.append(error)
             return bool(message)
 
-        assert _until(ended)
+        until(ended)
         assert ENDS[fault] in str(message[0])
         assert message[0].hint
         if fault != "silence":  # what hears nothing cannot be told; its motors keep their last duty
-            assert _until(lambda: _limp(hand))
+            until(lambda: limp(hand))
 
 
 @pytest.mark.parametrize("fault", [*sorted(GOES_ON), "garbage"])
 def test_a_nuisance_is_survived(fault: str) -> None:
-    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0) as driver:
+    with Emulator("allegro_port") as hand, driver(hand, silent_after_ms=300.0) as steered:
         hand.say(fault)
 
         def reported() -> bool:
-            driver.step(4)
-            counts = driver.state().counts
+            steered.step(4)
+            counts = steered.state().counts
             return {
                 "drop": counts.incomplete,
                 "duplicate": counts.copies,
                 "babble": min(counts.unknown, counts.malformed),
                 "power-cycle": counts.silences,
-                "garbage": driver.news.n_garbled,
+                "garbage": steered.news.n_garbled,
             }[fault] > 10 * (fault != "power-cycle")
 
-        assert _until(reported)
-        counted = driver.state().counts.sets
-        assert _until(lambda: driver.state().counts.sets > counted + 100)
-        assert _until(lambda: bool(hand.say("look")["servo_on"]))
+        until(reported)
+        counted = steered.state().counts.sets
+        until(lambda: steered.state().counts.sets > counted + 100)
+        until(lambda: bool(hand.say("look")["servo_on"]))
         assert any(hand.say("look")["duties"])
 
 
 def test_a_hand_that_falls_silent_says_so_until_it_reports_again() -> None:
-    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0) as driver:
-        assert _until(lambda: not driver.silent)
+    with Emulator("allegro_port") as hand, driver(hand, silent_after_ms=300.0) as steered:
+        until(lambda: not steered.silent)
         hand.say("power-cycle")
-        assert _until(lambda: driver.silent)
-        assert np.isfinite(driver.angles_rad).all(), "the last ones stand"
-        assert _until(lambda: not driver.silent)
-    assert driver.silent
+        until(lambda: steered.silent)
+        assert np.isfinite(steered.angles_rad).all(), "the last ones stand"
+        until(lambda: not steered.silent)
+    assert steered.silent
 
 
 def test_an_adapter_that_goes_away_is_said() -> None:
-    with Emulator("allegro_port") as hand, _driver(hand, reconnects=1, silent_after_ms=300.0) as driver:
-        driver.step(1)
+    with Emulator("allegro_port") as hand, driver(hand, reconnects=1, silent_after_ms=300.0) as steered:
+        steered.step(1)
         hand.kill()
 
         def ended() -> bool:
             try:
-                driver.step(1)
+                steered.step(1)
             except DeviceUnavailableError as error:
                 return "adapter failed" in str(error)
             return False
 
-        assert _until(ended)
+        until(ended)
 
 
 def test_reading_only_leaves_the_motors_off() -> None:
-    with Emulator("allegro_port") as hand, _driver(hand, torque=False) as driver:
-        driver.step(5)
+    with Emulator("allegro_port") as hand, driver(hand, torque=False) as steered:
+        steered.step(5)
         time.sleep(0.3)
-        assert _limp(hand)
-        assert np.abs(driver.angles_rad - hand.say("look")["angles_rad"]).max() < 0.01
+        assert limp(hand)
+        assert np.abs(steered.angles_rad - hand.say("look")["angles_rad"]).max() < 0.01
 
 
 @pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])
@@ -265,11 +245,11 @@ def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
             "import time\n"
             "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
-            f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
+            f"steered.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(steered.state().phase)\n{end}\n"
         )
         message = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert message.stdout.strip() == "running"
-        assert _limp(hand)
+        assert limp(hand)
         assert not hand.say("look")["reports"]
 
 
@@ -279,8 +259,8 @@ def test_a_program_told_to_terminate_still_lets_go() -> None:
             "import time\n"
             "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
-            "driver.open()\nprint('open', flush=True)\n"
-            "while True:\n    driver.step(5)\n    time.sleep(0.01)\n"
+            "steered.open()\nprint('open', flush=True)\n"
+            "while True:\n    steered.step(5)\n    time.sleep(0.01)\n"
         )
         with subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE) as running:
             assert running.stdout is not None
@@ -288,18 +268,18 @@ def test_a_program_told_to_terminate_still_lets_go() -> None:
             assert hand.say("look")["servo_on"]
             running.terminate()
             assert running.wait() == 128 + signal.SIGTERM
-        assert _limp(hand)
+        assert limp(hand)
         assert not hand.say("look")["reports"]
 
 
 def test_bad_levels_and_bad_settings() -> None:
-    with Emulator("allegro_port") as hand, _driver(hand) as driver:
+    with Emulator("allegro_port") as hand, driver(hand) as steered:
         for level in (0, 6):
             with pytest.raises(InvalidValueError, match="level"):
-                driver.step(level)
+                steered.step(level)
         for added in (-0.1, 1.1, float("nan"), float("inf")):
             with pytest.raises(InvalidValueError, match="added"):
-                driver.step(3, added)
+                steered.step(3, added)
     make: Any = driver_class("allegro", "hand").options_type
     with pytest.raises(ConfigError, match=r"none\.toml"):
         Allegro(make(interface="virtual", channel="x", poses=Path("none.toml"))).open()
@@ -314,7 +294,7 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
             "hand": {"driver": "allegro", "options": settings},
         }
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)
-        assert _limp(hand)
+        assert limp(hand)
         assert summary["hand"]["model"] == Allegro.label
         assert summary["hand"]["sinks"] == ["allegro", "can-recorder"]
         sent = (tmp_path / "out" / "can.csv").read_text().splitlines()
@@ -322,17 +302,17 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
         tree["session"] = {"pace": "fast"}
         with pytest.raises(ConfigError, match="live"):
             run_session(check_tree(tree, {}, base=tmp_path).config)
-        assert _limp(hand)
+        assert limp(hand)
 
 
 def test_an_adapter_that_opens_slowly_is_waited_for() -> None:
-    with Emulator("allegro_port") as hand, _driver(hand, silent_after_ms=300.0, bus=SLOW) as driver:
+    with Emulator("allegro_port") as hand, driver(hand, silent_after_ms=300.0, bus=SLOW) as steered:
         hand.say("power-cycle")
 
         def steered_again() -> bool:
-            driver.step(3)
-            state = driver.state()
+            steered.step(3)
+            state = steered.state()
             return state.counts.silences > 0 and state.phase == "running"
 
-        assert _until(steered_again)
-        assert _until(lambda: (driver.step(3), any(hand.say("look")["duties"]))[1])
+        until(steered_again)
+        until(lambda: (steered.step(3), pushes(hand))[1])

@@ -8,17 +8,15 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from queue import SimpleQueue
 
 import pytest
 
-from reference.processes import begun_by, below, hand_guards, until
+from reference.hand_bench import PATIENT, driver, limp, patient, pushes, steering
+from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand import guard_process, hand_guard
-from tega.devices.hand.allegro import Allegro
-from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
 from tega.devices.hand.hand_guard import guard_runs
 from tega.devices.hand.hand_loop import HandLoop
@@ -28,50 +26,6 @@ from tega.runtime.child_process import python_command, python_environment
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
-
-
-@contextmanager
-def steering(
-    hand: Emulator, folder: Path | None = None, *, guard: bool = True
-) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a program that closes the hand and never lets go of it by itself, in a working folder."""
-    program = (
-        "import signal, time\n"
-        "signal.signal(signal.SIGHUP, signal.SIG_DFL)\n"  # tests may themselves run under nohup
-        "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
-        f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard={guard})\n"
-        "hand = Allegro(AllegroOptions(**options))\n"
-        "hand.open()\n"
-        "lost = False\n"
-        "while True:\n"
-        "    hand.step(5)\n"
-        "    time.sleep(0.003)\n"
-        "    if lost and not hand.guard_problem:\n"
-        "        print('replaced', flush=True)\n"
-        "    lost = bool(hand.guard_problem)\n"
-    )
-    words = [sys.executable, "-P", "-c", program]
-    with subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE) as running:
-
-        def pushes() -> bool:
-            assert running.poll() is None, "the program has ended; its error output says why"
-            state = hand.say("look")
-            return state["servo_on"] and any(state["duties"])
-
-        try:
-            until(pushes)
-            yield running
-        finally:
-            for pid in below(running.pid):  # none is left behind stopped
-                with suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGCONT)
-            running.kill()
-
-
-def limp(hand: Emulator) -> bool:
-    """Whether no motor pushes."""
-    state = hand.say("look")
-    return not state["servo_on"] and not any(state["duties"])
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
@@ -112,7 +66,7 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
         running.send_signal(signal.SIGSTOP)
         until(lambda: limp(hand))
         running.send_signal(signal.SIGCONT)
-        until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
+        until(lambda: pushes(hand))
 
 
 @pytest.mark.parametrize("all_of_them", [True, False])
@@ -177,7 +131,7 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
         reported: list[object] = []
-        options, orders = AllegroOptions(**hand.address), HandOrders()
+        options, orders = patient(hand), HandOrders()
         loop = HandLoop(options, orders, lambda *subject: reported.append(subject))
         with pytest.raises(
             DeviceUnavailableError, match="the process that lets go of the hand did not start"
@@ -190,8 +144,7 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_guard_that_is_lost_is_replaced(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand:
-        options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)
-        with Allegro(options) as allegro:
+        with driver(hand) as allegro:
             assert allegro.guard_problem == ""
             (first,) = hand_guards()
             os.kill(first, how)
@@ -218,8 +171,7 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
     with Emulator("allegro_port") as hand:
         program = (
             "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
-            f"options = dict({hand.address!r}, silent_after_ms=1000.0, lowest_rate_hz=50.0, reconnects=50)\n"
-            "with Allegro(AllegroOptions(**options)) as hand:\n"
+            f"with Allegro(AllegroOptions(**{ {**hand.address, **PATIENT}!r}, reconnects=50)) as hand:\n"
             "    try:\n"
             "        while True:\n"
             "            hand.step(5)\n"
@@ -231,7 +183,7 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
         with subprocess.Popen(
             [sys.executable, "-P", "-c", program], stderr=subprocess.PIPE, text=True
         ) as running:
-            until(lambda: bool(hand.say("look")["servo_on"] and any(hand.say("look")["duties"])))
+            until(lambda: pushes(hand))
             hand.say("silence")
             running.send_signal(signal.SIGINT)
             _, message = running.communicate(timeout=60)
@@ -305,9 +257,9 @@ def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.Mo
 
 def test_a_hand_that_confirms_ends_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
     with Emulator("allegro_port") as hand:
-        with Allegro(AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)) as allegro:
+        with driver(hand) as allegro:
             (guard,) = hand_guards()
-            until(lambda: (allegro.step(5), any(hand.say("look")["duties"]))[1])
+            until(lambda: (allegro.step(5), pushes(hand))[1])
         assert limp(hand)
     assert not Path(f"/proc/{guard}").exists()
     assert "SWITCH" not in caplog.text

@@ -12,11 +12,10 @@ from contextlib import contextmanager
 from typing import Any
 
 import pytest
-from unit.test_hand_guard import limp, steering
 
+from reference.hand_bench import limp, patient, pushes, steering
 from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand import hand_loop
-from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_reports import HandNews, HandOrders
 from tega.runtime import clock
@@ -54,8 +53,9 @@ class Slept:
         self.news: list[HandNews] = []
         self.orders = HandOrders()
         monkeypatch.setattr(self.orders, "still", lambda: False)  # nobody repeats its word here
-        options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0, guard=False)
-        self.loop = HandLoop(options, self.orders, lambda _spoken, seen: self.news.append(seen))
+        self.loop = HandLoop(
+            patient(hand, guard=False), self.orders, lambda _spoken, seen: self.news.append(seen)
+        )
         awake = clock.since_boot_s
         monkeypatch.setattr(clock, "since_boot_s", lambda: awake() + self.slept_s)
 
@@ -92,7 +92,7 @@ def test_a_computer_that_slept_ends_the_hand(monkeypatch: pytest.MonkeyPatch) ->
     with Emulator("allegro_port") as hand:
         slept = Slept(hand, monkeypatch)
         with slept.steering() as thread:
-            until(lambda: any(hand.say("look")["duties"]))
+            until(lambda: pushes(hand))
             slept.slept_s = 600.0
             thread.join(30.0)
             assert not thread.is_alive()
@@ -111,7 +111,7 @@ def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch:
 
         def sleeping_before(frames: Sequence[CanFrame], **more: Any) -> list[CanFrame]:
             pushes = any(frame.id >> 2 in range(0x60, 0x64) and any(frame.data) for frame in frames)
-            if pushes and slept.slept_s == 0.0 and any(hand.say("look")["duties"]):
+            if pushes and slept.slept_s == 0.0 and pushes(hand):
                 slept.slept_s = 600.0
             taken = send(frames, **more)
             if pushes and slept.slept_s:

@@ -18,8 +18,8 @@ import can
 import numpy as np
 import pytest
 
-from tega.devices.hand.allegro import Allegro
-from tega.devices.hand.allegro_options import AllegroOptions
+from reference.hand_bench import driver
+from reference.processes import until
 from tega.hand import CLOSURE_POSES_RAD
 from tega_emulators.process import Emulator
 
@@ -29,6 +29,7 @@ PATIENCE_S = 60.0
 SERVO_ON, SERVO_OFF = 0x100, 0x104
 TORQUES = range(0x180, 0x190, 4)
 POSITIONS = range(0x80, 0x90, 4)
+LEVEL_3 = CLOSURE_POSES_RAD[2]
 
 
 @pytest.fixture
@@ -45,14 +46,8 @@ def hand_on(channel: str) -> Iterator[Emulator]:
 
 def close_hand(hand: Emulator) -> None:
     """Close the hand to level 3 through the driver, and let go of it."""
-    make: Any = AllegroOptions
-    options = make(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)
-    with Allegro(options) as driver:
-        end_s = time.monotonic() + PATIENCE_S
-        while np.abs(driver.angles_rad - CLOSURE_POSES_RAD[2]).max() > 0.03:
-            assert time.monotonic() < end_s
-            driver.step(3)
-            time.sleep(0.003)
+    with driver(hand) as steered:
+        until(lambda: steered.step(3) is not None and bool(np.abs(steered.angles_rad - LEVEL_3).max() < 0.03))
 
 
 def program(name: str, channel: str, *arguments: str, **how: Any) -> subprocess.Popen[str]:
@@ -96,7 +91,7 @@ def test_its_logger_hears_a_grasp_and_its_player_plays_it_to_another_hand(
     assert received["torques"] == pytest.approx(len(torques), rel=0.05)
     last = {f.arbitration_id: f.data for f in frames if f.arbitration_id in POSITIONS}
     counts = np.frombuffer(b"".join(last[finger] for finger in POSITIONS), "<i2")
-    assert np.abs(np.radians(counts * 333.3 / 65536.0) - CLOSURE_POSES_RAD[2]).max() < 0.1
+    assert np.abs(np.radians(counts * 333.3 / 65536.0) - LEVEL_3).max() < 0.1
     with hand_on(channel) as other:
         played = program("player", channel, str(path), stdout=subprocess.DEVNULL)
         assert played.wait(PATIENCE_S) == 0

@@ -8,11 +8,9 @@ import threading
 from collections.abc import Iterator
 
 import pytest
-from unit.test_hand_guard import limp
 
+from reference.hand_bench import driver, limp, pushes
 from reference.processes import until
-from tega.devices.hand.allegro import Allegro
-from tega.devices.hand.allegro_options import AllegroOptions
 from tega.errors import DeviceUnavailableError
 from tega.safety.sleep_lock import SleepLock
 from tega_emulators.process import Emulator
@@ -73,25 +71,20 @@ def test_without_logind_nothing_is_locked_and_the_problem_says_why(monkeypatch: 
 
 @pytest.mark.slow
 def test_a_hand_is_let_go_before_the_computer_sleeps(logind: Emulator) -> None:
-    with Emulator("allegro_port") as hand:
-        options = AllegroOptions(**hand.address, silent_after_ms=1000.0, lowest_rate_hz=50.0)
-        with Allegro(options) as allegro:
-            until(lambda: (allegro.step(5), any(hand.say("look")["duties"]))[1])
-            until(lambda: logind.say("look")["locks"] == BOTH)
-            slept = logind.say("sleep")
-            assert limp(hand)
-            check = hand.say("look")
-            assert max(check["zero_s"], check["off_s"]) < slept["t_s"]
-            assert slept["delayed_s"] < 5.0
-            with pytest.raises(DeviceUnavailableError, match="goes to sleep"):
-                until(lambda: (allegro.step(5), False)[1])
+    with Emulator("allegro_port") as hand, driver(hand) as allegro:
+        until(lambda: (allegro.step(5), pushes(hand))[1])
+        until(lambda: logind.say("look")["locks"] == BOTH)
+        slept = logind.say("sleep")
+        assert limp(hand)
+        check = hand.say("look")
+        assert max(check["zero_s"], check["off_s"]) < slept["t_s"]
+        assert slept["delayed_s"] < 5.0
+        with pytest.raises(DeviceUnavailableError, match="goes to sleep"):
+            until(lambda: (allegro.step(5), False)[1])
 
 
 @pytest.mark.slow
 def test_a_hand_that_is_only_read_locks_nothing(logind: Emulator) -> None:
-    with (
-        Emulator("allegro_port") as hand,
-        Allegro(AllegroOptions(**hand.address, torque=False, lowest_rate_hz=50.0)) as allegro,
-    ):
+    with Emulator("allegro_port") as hand, driver(hand, torque=False) as allegro:
         allegro.step(1)
         assert logind.say("look")["locks"] == []
