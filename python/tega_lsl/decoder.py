@@ -15,11 +15,10 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.errors import DeviceUnavailableError
 from tega.records import Intent
-from tega.runtime.evidence import Contradiction, is_other_clock, refuse
+from tega.runtime.evidence import is_other_clock
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
-from tega_lsl.library import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl
+from tega_lsl.library import EXTRA, ClockCorrection, connected, load_lsl
 
 _NAME = "lsl"
 _MOST_ROWS = 4096
@@ -139,26 +138,12 @@ class OutsideDecoder(Decoder):
     def _connected(self) -> tuple[Any, ClockCorrection]:
         """Find the stream, connect to it and compare the clocks."""
         o, lsl = self._options, self._lsl
-        found = find_streams(lsl, "name", o.stream, o.start_s)
-        if not found:
-            raise DeviceUnavailableError(
-                f"decoder 'lsl': no stream of name {o.stream!r} on the network after {o.start_s:g} s",
-                "start the other program first, or set stages.decoder.options.stream to its stream",
-            )
-        if len(found) > 1:
-            text = f"{len(found)} streams have the name {o.stream!r}, from {hosts_of(found)}"
-            refuse("decoder 'lsl'", o.stream, Contradiction("banner", text, "end the one that is not meant"))
-        if found[0].channel_format() == lsl.cf_string:
-            raise DeviceUnavailableError(
-                f"decoder 'lsl': {o.stream!r} is a stream of texts", "send the closure as a number"
-            )
-        try:
-            inlet = lsl.StreamInlet(found[0], max_buflen=2, recover=False)
-            inlet.open_stream(timeout=o.start_s)
-            first_s = float(inlet.time_correction(timeout=o.start_s))
-        except (RuntimeError, TimeoutError) as error:
-            raise DeviceUnavailableError(
-                f"decoder 'lsl': {o.stream!r} was found, but did not connect: {error}",
-                "see that no firewall blocks TCP 16572 to 16604",
-            ) from error
+        hints = (
+            "start the other program first, or set stages.decoder.options.stream to its stream",
+            "end the one that is not meant",
+            "send the closure as a number",
+        )
+        inlet, first_s, _ = connected(
+            lsl, "decoder 'lsl'", "name", o.stream, start_s=o.start_s, buffer_s=2, hints=hints
+        )
         return inlet, ClockCorrection(o.stream, first_s, float(lsl.local_clock()))

@@ -15,7 +15,7 @@ from tega.devices.base import Found, Options
 from tega.devices.emg.live_emg import Arrived, LiveEmg, LiveEmgOptions
 from tega.errors import DeviceUnavailableError
 from tega.runtime.evidence import LATE_S, Contradiction, Evidence, StampCheck, refuse
-from tega_lsl.library import EXTRA, ClockCorrection, find_streams, hosts_of, load_lsl, to_monotonic_s
+from tega_lsl.library import EXTRA, ClockCorrection, connected, load_lsl, to_monotonic_s
 
 # Stamps further apart than this are a gap; below it they are the sender's jitter.
 _GAP_S = 0.1
@@ -100,39 +100,22 @@ class LslEmg(LiveEmg):
     def _start(self) -> None:
         o = self._options
         lsl = load_lsl(LslEmg.name)
-        found = find_streams(lsl, o.by, o.value, o.start_s)
-        if not found:
-            raise DeviceUnavailableError(
-                f"lsl-emg: no stream with {o.by} {o.value!r} on the network after {o.start_s:g} s",
-                "start the sender, and see that no firewall blocks it (UDP 16571, TCP 16572 to 16604)",
-            )
-        if len(found) > 1:
-            text = f"{len(found)} streams have the {o.by} {o.value!r}, from {hosts_of(found)}"
-            naming = "" if o.by == "source_id" else ", or name a source_id"
-            hint = f"end the senders that are not meant{naming}"
-            refuse(self.name, self._label, Contradiction("banner", text, hint))
-        stream = found[0]
-        if stream.channel_format() == lsl.cf_string:
-            raise DeviceUnavailableError(
-                f"lsl-emg: {o.value!r} is a stream of texts", "choose the amplifier's"
-            )
-        self._n_channels = int(stream.channel_count())
-        self._rate_hz = float(stream.nominal_srate()) or o.rate_hz
+        hints = (
+            "start the sender, and see that no firewall blocks it (UDP 16571, TCP 16572 to 16604)",
+            "end the senders that are not meant" + ("" if o.by == "source_id" else ", or name a source_id"),
+            "choose the amplifier's",
+        )
+        self._inlet, first_s, info = connected(
+            lsl, self.name, o.by, o.value, start_s=o.start_s, buffer_s=_BUFFER_S, hints=hints
+        )
+        self._lost_error = lsl.util.LostError
+        self._n_channels = int(info.channel_count())
+        self._rate_hz = float(info.nominal_srate()) or o.rate_hz
         if self._rate_hz is None:
             raise DeviceUnavailableError(
                 f"lsl-emg: {o.value!r} states no sample rate", "set rate_hz in its options"
             )
-        try:
-            self._inlet = lsl.StreamInlet(stream, max_buflen=_BUFFER_S, recover=False)
-            self._lost_error = lsl.util.LostError
-            self._inlet.open_stream(timeout=o.start_s)
-            first_s = float(self._inlet.time_correction(timeout=o.start_s))
-            declared = _undeclared(self._inlet.info(timeout=o.start_s), self._columns())
-        except (RuntimeError, TimeoutError) as error:
-            raise DeviceUnavailableError(
-                f"lsl-emg: {o.value!r} was found, but did not connect: {error}",
-                "see that no firewall blocks TCP 16572 to 16604",
-            ) from error
+        declared = _undeclared(info, self._columns())
         self._to_monotonic_s = to_monotonic_s(lsl)
         self._correction = ClockCorrection(self._label, first_s, time.monotonic())
         self._stamps, self._last_s = StampCheck(), None

@@ -10,6 +10,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, Final
 
+from tega.errors import DeviceUnavailableError
+from tega.runtime.evidence import Contradiction, refuse
 from tega.runtime.lifecycle import require
 
 _POLLS = 5
@@ -49,6 +51,35 @@ def find_streams(lsl: Any, by: str, value: str, timeout_s: float) -> list[Any]:
     if len(found) == 1:
         found = lsl.resolve_byprop(by, value, minimum=2, timeout=_ALONE_S) or found
     return list({stream.uid(): stream for stream in found}.values())
+
+
+def connected(
+    lsl: Any, who: str, by: str, value: str, *, start_s: float, buffer_s: int, hints: tuple[str, str, str]
+) -> tuple[Any, float, Any]:
+    """Connect to the one stream of numbers whose ``by`` is ``value``; return inlet, first clock correction and info.
+
+    ``hints`` are the next step for no such stream, for several and for one of texts. ``DeviceUnavailableError``: it
+    is not there, holds texts or does not connect. ``StreamContradictionError``: there are several.
+    """
+    found = find_streams(lsl, by, value, start_s)
+    if not found:
+        raise DeviceUnavailableError(
+            f"{who}: no stream with {by} {value!r} on the network after {start_s:g} s", hints[0]
+        )
+    if len(found) > 1:
+        text = f"{len(found)} streams have the {by} {value!r}, from {hosts_of(found)}"
+        refuse(who, value, Contradiction("banner", text, hints[1]))
+    if found[0].channel_format() == lsl.cf_string:
+        raise DeviceUnavailableError(f"{who}: {value!r} is a stream of texts", hints[2])
+    try:
+        inlet = lsl.StreamInlet(found[0], max_buflen=buffer_s, recover=False)
+        inlet.open_stream(timeout=start_s)
+        return inlet, float(inlet.time_correction(timeout=start_s)), inlet.info(timeout=start_s)
+    except (RuntimeError, TimeoutError) as error:
+        raise DeviceUnavailableError(
+            f"{who}: {value!r} was found, but did not connect: {error}",
+            "see that no firewall blocks TCP 16572 to 16604",
+        ) from error
 
 
 def hosts_of(streams: list[Any]) -> str:

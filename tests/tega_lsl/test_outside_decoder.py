@@ -117,7 +117,7 @@ def test_the_newest_closure_is_passed_on_and_an_old_or_bad_one_is_held() -> None
 
 
 def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
-    with pytest.raises(DeviceUnavailableError, match="no stream of name 'tega-test-nobody'"):
+    with pytest.raises(DeviceUnavailableError, match="no stream with name 'tega-test-nobody'"):
         OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-nobody", start_s=0.5))
     info = pylsl.StreamInfo(
         "tega-test-words", "Markers", 1, pylsl.IRREGULAR_RATE, "string", "tega-test-words"

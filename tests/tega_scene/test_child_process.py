@@ -38,13 +38,7 @@ def arm_program() -> Iterator[subprocess.Popen[bytes]]:
     """Run the process of a simulated arm, whose link is a socket."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     settings = ProcessSettings(
-        link=theirs.fileno(),
-        session=1,
-        body=SimulatedArm.body,
-        options=msgspec.to_builtins(SimulatedArmOptions()),
-        rate_hz=200.0,
-        speed_m_s=0.5,
-        turn_rad_s=1.5,
+        theirs.fileno(), 1, SimulatedArm.body, msgspec.to_builtins(SimulatedArmOptions())
     )
     words = msgspec.json.encode(settings).decode()
     with ours, theirs:

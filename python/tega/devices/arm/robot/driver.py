@@ -120,16 +120,8 @@ class ProcessArm(Opened):
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._session, self._sequence = secrets.randbits(62), 0
         self._reported = None
-        o = self._options
-        settings = ProcessSettings(
-            link=theirs.fileno(),
-            session=self._session,
-            body=self.body,
-            options=msgspec.to_builtins(o),
-            rate_hz=o.rate_hz,
-            speed_m_s=o.speed_m_s,
-            turn_rad_s=o.turn_rad_s,
-        )
+        options = msgspec.to_builtins(self._options)
+        settings = ProcessSettings(theirs.fileno(), self._session, self.body, options)
         words = msgspec.json.encode(settings).decode()
         self._process = start_child("tega.devices.arm.robot.process", words, pass_fds=[theirs.fileno()])
         theirs.close()

@@ -76,24 +76,20 @@ class ProcessSettings(msgspec.Struct, frozen=True):
     """Settings of the arm's process, from its command line.
 
     ``link`` is an inherited file descriptor, the socket. Commands of any other ``session`` are refused.
-    ``body`` is module and class of the arm. ``speed_m_s`` and ``turn_rad_s`` are maxima of the target's
-    speed.
+    ``body`` is module and class of the arm, ``options`` those of its driver.
     """
 
     link: int
     session: int
     body: str
     options: dict[str, Any]
-    rate_hz: float
-    speed_m_s: float
-    turn_rad_s: float
 
 
 class Loop:
     """Judges commands and leads the arm at every tick, without the process around it."""
 
     def __init__(self, settings: ProcessSettings, body: RobotBody, leash: Leash) -> None:
-        self._s, self._body, self._leash = settings, body, leash
+        self._o, self._body, self._leash = settings.options, body, leash
         self._slew: Slew | None = None
         self._held: HandSeen | None = None
         self._fault = ""
@@ -137,7 +133,7 @@ class Loop:
             return self._reported(seen, "resting" if self._resting else "ready", order.reason)
         if self._slew is None:
             body.begin()
-            self._slew = Slew(self._s.speed_m_s, self._s.turn_rad_s, seen.place, seen.turn)
+            self._slew = Slew(self._o["speed_m_s"], self._o["turn_rad_s"], seen.place, seen.turn)
         velocities = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         goal = order.requested
         if goal is not None and goal.place is not None and goal.turn is not None:
@@ -159,7 +155,7 @@ class Loop:
 
     def _count(self, now_s: float) -> float:
         """Take note of a tick and return how long ago the last one was."""
-        period_s = 1 / self._s.rate_hz
+        period_s = 1 / self._o["rate_hz"]
         dt_s = period_s if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         self._late += dt_s > 2 * period_s
@@ -182,7 +178,7 @@ class Loop:
 
 def _run(settings: ProcessSettings, link: socket.socket, body: RobotBody) -> None:
     loop = Loop(settings, body, Leash(settings.session))
-    period_s = 1 / settings.rate_hz
+    period_s = 1 / settings.options["rate_hz"]
     next_s = time.monotonic()
     while True:
         left_s = next_s - time.monotonic()
