@@ -21,26 +21,7 @@ from tega.arm import (
 )
 from tega.arm import rotation as so3
 from tega.arm.gate import PoseGate
-from tega.arm.workspace import Workspace
 from tega.errors import InvalidValueError
-
-
-def test_the_target_goes_where_the_forearm_goes() -> None:
-    bench = Bench().take_hold()
-    bench.go(1000, move=(0.1, -0.05, 0.02))
-    bench.go(3000)
-    assert bench.away_m == [0.1, -0.05, 0.02]
-    assert bench.last.velocity_m_s.round(6).tolist() == [0, 0, 0]
-
-
-def test_turns_are_about_the_base_s_axes() -> None:
-    bench = Bench().take_hold()
-    for _ in range(10):
-        bench.turn = so3.multiply(so3.exp(np.array([0, 0, 0.05])), bench.turn)
-        bench.go(50)
-    bench.go(3000)
-    wanted = so3.multiply(so3.exp(np.array([0, 0, 0.5])), FORWARD)
-    assert np.abs(so3.between(wanted, bench.arm.quaternion_xyzw)).max() < 1e-6
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -124,24 +105,6 @@ def test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady() -> 
     assert bench.go(30).state == "following"
     assert bench.chain.doubt == ""
     assert bench.away_m == before
-
-
-def test_a_turn_between_two_poses_in_the_cone_may_lead_out_of_it() -> None:
-    workspace = Workspace(LimitSettings(tilt_rad=1.0))
-    # The tool's axis circles 0.6 rad around an axis that leans by 0.6: it leans by 0 to 1.2 rad on the way.
-    axis = np.array([math.cos(0.6), 0.0, math.sin(0.6)])
-    half = next(phi for phi in np.linspace(0, math.pi, 10_000) if workspace.tilt_rad(_leant(axis, phi)) < 0.9)
-    from_here, to_there = _leant(axis, -half), _leant(axis, half)
-    assert workspace.holds_turn(from_here)
-    assert workspace.holds_turn(to_there)
-    assert not workspace.holds_turning(from_here, 2 * half * axis)
-    assert workspace.holds_turning(from_here, (2 * half - 2 * math.pi) * axis)  # the other way round
-
-
-def _leant(axis: np.ndarray, phi: float) -> np.ndarray:
-    """Return the turn whose tool's axis is at an angle on the circle, from where it leans most."""
-    most = so3.multiply(so3.exp(np.array([0.0, -1.2, 0.0])), FORWARD)
-    return so3.multiply(so3.exp(phi * axis), most)
 
 
 # The layered times.
@@ -257,34 +220,6 @@ def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
         route = np.linalg.norm(bench.arm.position_m - before.position_m)
         assert route == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
         assert not bench.last.velocity_m_s.any()
-
-
-def test_after_a_stall_it_does_not_make_up_for_lost_time() -> None:
-    bench = Bench(LimitSettings()).take_hold()
-    bench.clutch = False
-    bench.go(50)
-    bench.stuck, bench.arm = True, Pose(MIDDLE + np.array([0.15, 0, 0]), FORWARD)  # the target comes after it
-    bench.go(200)
-    before, speed = bench.last.target, float(np.linalg.norm(bench.last.velocity_m_s))
-    after = bench.go(3000, dt_ms=3000).target
-    assert before is not None
-    assert after is not None
-    route = np.linalg.norm(after.position_m - before.position_m)
-    assert route == pytest.approx(speed**2 / 2 / bench.limits.acceleration_m_s2)
-    assert route > 0.01
-
-
-def test_a_burst_of_old_poses_moves_nothing() -> None:
-    bench = Bench().take_hold()
-    stale = [StampedPose(bench.now_ns + i * 16 * MS, [0.001 * i, 0, 0], [0, 0, 0, 1]) for i in range(180)]
-    bench.now_ns += 3000 * MS
-    chain = bench.chain
-    command = chain.step(
-        bench.now_ns, stale, clutch=True, dead_man=True, measured=StampedPose(bench.now_ns, *bench.arm)
-    )
-    assert command.state == "idle"
-    assert command.target is not None
-    np.testing.assert_allclose(command.target.position_m, MIDDLE, atol=1e-9)
 
 
 def test_a_clock_that_goes_back_lets_go_and_is_recovered_from() -> None:

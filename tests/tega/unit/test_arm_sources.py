@@ -13,7 +13,7 @@ from tega.arm import ArmChain, ArmSettings, LimitSettings, MappingSettings, Pose
 from tega.arm import rotation as so3
 from tega.devices.base import InputReading
 from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses
-from tega.errors import InvalidValueError, RecordingError
+from tega.errors import RecordingError
 from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through, write_poses
 
 MS = 1_000_000
@@ -86,29 +86,6 @@ def test_a_recording_plays_at_its_own_times_and_late_if_asked() -> None:
         for pose in played:
             assert 50 * MS <= now * MS - pose.t_ns < 60 * MS
     assert source.done
-
-
-def test_a_scripted_path_leads_the_arm_along_it() -> None:
-    end = Pose(
-        START.position_m + np.array([0.1, 0.05, 0.2]), so3.multiply(so3.exp(np.full(3, 0.2)), START[1])
-    )
-    arm = steer(ScriptedPoses(path_through([Waypoint(0, START), Waypoint(1.5, end)])), 4000)
-    np.testing.assert_allclose(arm.position_m, end.position_m, atol=1e-4)
-    assert np.abs(so3.between(arm.quaternion_xyzw, end.quaternion_xyzw)).max() < 1e-3
-
-
-def test_a_path_rests_at_its_waypoints_and_refuses_times_that_fall() -> None:
-    path = path_through([Waypoint(1, START), Waypoint(2, Pose(START.position_m + 1, START[1]))])
-    assert path(0) is START
-    np.testing.assert_allclose(path(1.5).position_m, START.position_m + 0.5)
-    np.testing.assert_allclose((path(1.001).position_m - path(1).position_m) / 0.001, 0, atol=1e-4)
-    with pytest.raises(InvalidValueError, match="each later"):
-        path_through([Waypoint(1, START), Waypoint(1, START)])
-
-
-def test_a_scripted_tracker_is_the_same_for_one_seed() -> None:
-    runs = [ScriptedPoses(lambda _t: START, noise_m=0.001, seed=s).read(0)[0].position_m for s in (1, 1, 2)]
-    assert list(runs[0]) == list(runs[1]) != list(runs[2])
 
 
 def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputReading]:

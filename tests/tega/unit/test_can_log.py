@@ -40,7 +40,9 @@ def states_of(path: Path, **which: Any) -> tuple[Any, list[Any]]:
     return log.facts, list(log.states(read_can_log(path)))
 
 
-@pytest.mark.parametrize("suffix", LOG_SUFFIXES)
+@pytest.mark.parametrize(
+    "suffix", [pytest.param(s, marks=[pytest.mark.slow] if s == ".mf4" else []) for s in LOG_SUFFIXES]
+)
 @_FEW
 @given(
     counts=st.lists(st.lists(st.integers(-400, 400), min_size=16, max_size=16), min_size=2, max_size=6),
@@ -102,7 +104,7 @@ def test_what_is_no_log_of_a_hand_is_refused(name: str, content: bytes, text: st
         states_of(tmp_path / "none.log")
 
 
-@pytest.mark.parametrize("n", [3, pytest.param(100, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [1, pytest.param(100, marks=pytest.mark.slow)])
 def test_a_damaged_mf4_ends_with_an_error_of_tega(
     n: int, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:

@@ -137,14 +137,6 @@ def test_every_fault_of_the_emulated_sensor_is_tried() -> None:
 
 
 @pytest.mark.slow
-def test_an_unknown_fault_is_refused() -> None:
-    with Emulator("digit") as sensor:
-        with pytest.raises(ValueError, match="'frozen' means nothing here: there are freeze"):
-            sensor.say("frozen")
-        sensor.say("freeze")
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", sorted(COUNTED))
 def test_a_fault_is_counted_silences_and_is_survived(fault: str) -> None:
     with Emulator("digit") as sensor, _driver(sensor) as digit:

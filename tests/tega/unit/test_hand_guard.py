@@ -14,7 +14,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from reference.hand_bench import PATIENT, driver, limp, patient, pushes, steering
+from reference.hand_bench import PATIENT, limp, patient, pushes, steering
 from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand import guard_process, hand_guard
 from tega.devices.hand.guard_process import GuardProcess
@@ -141,21 +141,6 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
         assert not hand.say("look")["servo_on"]
 
 
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_guard_that_is_lost_is_replaced(how: signal.Signals) -> None:
-    with Emulator("allegro_port") as hand:
-        with driver(hand) as allegro:
-            assert allegro.guard_problem == ""
-            (first,) = hand_guards()
-            os.kill(first, how)
-            until(lambda: (allegro.step(5), "was lost; another is being started" in allegro.guard_problem)[1])
-            until(lambda: (allegro.step(5), not allegro.guard_problem)[1])
-            (second,) = hand_guards()
-            assert second != first
-        assert limp(hand)
-    assert not Path(f"/proc/{second}").exists()
-
-
 def test_the_guard_that_took_the_lost_one_s_place_lets_go_of_the_hand() -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         for pid in hand_guards(running.pid):
@@ -253,13 +238,3 @@ def test_a_guard_that_gives_up_writes_to_the_system_s_log(monkeypatch: pytest.Mo
     assert "not confirmed to be off after" in logged[0]
     assert logged[1].startswith("robot hand on virtual nobody: not confirmed to be off (no answer")
     assert logged[1].endswith("use its switch")
-
-
-def test_a_hand_that_confirms_ends_without_a_word(caplog: pytest.LogCaptureFixture) -> None:
-    with Emulator("allegro_port") as hand:
-        with driver(hand) as allegro:
-            (guard,) = hand_guards()
-            until(lambda: (allegro.step(5), pushes(hand))[1])
-        assert limp(hand)
-    assert not Path(f"/proc/{guard}").exists()
-    assert "SWITCH" not in caplog.text

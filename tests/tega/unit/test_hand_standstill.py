@@ -15,7 +15,6 @@ import pytest
 
 from reference.hand_bench import limp, patient, pushes, steering
 from reference.processes import begun_by, hand_guards, until
-from tega.devices.hand import hand_loop
 from tega.devices.hand.hand_loop import HandLoop
 from tega.devices.hand.hand_reports import HandNews, HandOrders
 from tega.runtime import clock
@@ -72,20 +71,6 @@ class Slept:
         finally:
             self.orders.leaving.set()
             thread.join()
-
-
-def test_a_standstill_is_one_as_long_as_the_hand_s_watchdog(monkeypatch: pytest.MonkeyPatch) -> None:
-    made_s: list[float] = []
-
-    class Noted(Standstill):
-        def __init__(self, longest_s: float) -> None:
-            made_s.append(longest_s)
-            super().__init__(longest_s)
-
-    monkeypatch.setattr(hand_loop, "Standstill", Noted)
-    with Emulator("allegro_port") as hand, Slept(hand, monkeypatch).steering():
-        until(lambda: bool(made_s))
-    assert made_s == [pytest.approx(1.0)]  # silent_after_ms = 1000
 
 
 def test_a_computer_that_slept_ends_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -158,13 +158,6 @@ def test_a_headset_that_goes_and_comes_is_found_again(headset: Emulator) -> None
         assert any("reconnected" in note for note in lens.info.notes)
 
 
-def test_a_headset_that_is_killed_is_said_to_be_gone() -> None:
-    with Emulator("hololens") as headset, opened(headset) as lens:
-        some(lens)
-        headset.kill()
-        until(lens, lambda _: "cannot be reached" in lens.problem)
-
-
 def test_what_is_wrong_at_the_start_is_said_in_words(headset: Emulator) -> None:
     headset.say("hide")
     with pytest.raises(DeviceUnavailableError, match="cannot be reached: Connection refused"):

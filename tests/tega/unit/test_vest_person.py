@@ -14,7 +14,6 @@ from reference.scripted import touching
 from reference.vest_bench import KeptVest
 from tega.config import VestConfig, load_config
 from tega.config.calibration import TouchMaxima
-from tega.config.load import driver_options, stage_options
 from tega.devices.base import BudgetedVest
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
@@ -185,19 +184,6 @@ def test_a_vest_that_is_worn_in_a_run_is_refused_to_other_programs(
             )
     assert done.returncode == 3, done.stderr
     assert "is in use by another program" in done.stderr
-
-
-@pytest.mark.parametrize("name", ["contact", "release", "slip"])
-def test_no_pulse_of_a_kind_is_asked_for_by_0(name: str) -> None:
-    assert getattr(stage_options("mapping", "pulses", sets=[f"{name}=0"]), name) == 0
-    with pytest.raises(ConfigError, match=name):
-        stage_options("mapping", "pulses", sets=[f"{name}=-0.1"])
-
-
-def test_a_vest_is_limited_to_one_percent_and_not_to_none() -> None:
-    assert driver_options("bhaptics-player", {"limit": 1}).limit == 1  # type: ignore[attr-defined]
-    with pytest.raises(ConfigError, match="limit"):
-        driver_options("bhaptics-player", {"limit": 0})
 
 
 MS = 1_000_000
