@@ -15,7 +15,7 @@ import pytest
 
 from reference.processes import until
 from tega.config import check_tree
-from tega.errors import DeviceUnavailableError, StreamContradictionError
+from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.records import Alert, Intent, RunState
@@ -126,15 +126,6 @@ def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
     with pytest.raises(DeviceUnavailableError, match="is a stream of texts"):
         OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-words"))
     del outlet
-
-
-def test_two_streams_of_one_name_are_refused() -> None:
-    with (
-        peer("tega-test-twice") as one,
-        peer(one.name),
-        pytest.raises(StreamContradictionError, match="banner: 2 streams have the name 'tega-test-twice'"),
-    ):
-        OutsideDecoder(SETUP, OutsideOptions(stream=one.name))
 
 
 def test_a_closure_with_a_stamp_of_another_clock_is_never_fresh() -> None:

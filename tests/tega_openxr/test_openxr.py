@@ -11,12 +11,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from reference import processes
-from reference.trackers import Steered, some, until, wrist_goes
+from reference.trackers import Steered, some, until
 from tega.errors import DeviceUnavailableError
-from tega.ui.cli.arm import forward
 from tega_emulators.openxr_runtime import openxr_runtime, why_no_runtime
 from tega_emulators.process import Emulator
 from tega_openxr.session import OpenXrOptions
@@ -309,14 +307,3 @@ def test_without_a_runtime_it_is_said_where_one_is_looked_for(
     with pytest.raises(DeviceUnavailableError, match=r"no OpenXR runtime: .*(Monado|active_runtime)"):
         opened().open()
     assert [t.name for t in threading.enumerate() if t.name == "tega-openxr"] == []
-
-
-def test_forward_is_found_with_it(service: Emulator, tmp_path: Path) -> None:
-    file = tmp_path / "lab.toml"
-    file.write_text('[arm]\ndriver = "simulated-arm"\n[arm.tracker]\ndriver = "openxr"\n')
-    with wrist_goes(service, 0.5):
-        text = CliRunner().invoke(forward, [str(file), "--json"])
-    assert text.exit_code == 0, text.output
-    reported = json.loads(text.output)
-    assert reported["yaw_rad"] == pytest.approx(0.5, abs=0.03)
-    assert reported["ok"]

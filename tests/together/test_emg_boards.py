@@ -16,7 +16,6 @@ from reference.emg_boards import (
 )
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
-from tega_lsl.emg import LslEmg, LslEmgOptions
 
 pytestmark = pytest.mark.slow
 
@@ -129,12 +128,6 @@ def test_a_stamp_before_the_samples_is_dropped() -> None:
         phase, exact = phases("serial-emg", chunks_of(source, 100))
     assert exact.all()
     assert (phase == phase[0]).all()
-
-
-def test_a_stream_that_is_not_on_the_network() -> None:
-    source = LslEmg(LslEmgOptions(value="tega-nobody", start_s=0.3))
-    with pytest.raises(DeviceUnavailableError, match=r"no stream with name 'tega-nobody' on the network"):
-        source.open()
 
 
 def test_an_irregular_stream_needs_its_rate_told() -> None:

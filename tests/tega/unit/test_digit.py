@@ -26,7 +26,6 @@ from tega.devices.fingertip.picture_check import (
     picture_origin,
     sensor_bands,
 )
-from tega.devices.fingertip.video_nodes import find_node, video_nodes
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError
 from tega.loop import run_session
 from tega.loop.inbox.frames import fed_contacts, keeps_up
@@ -202,34 +201,6 @@ def test_settings_that_cannot_be(options: dict[str, Any]) -> None:
     make: Any = DigitOptions
     with pytest.raises(ConfigError):
         Digit(make(**options)).open()
-
-
-def _camera(sysfs: Path, number: int, *, serial: str, index: int, revision: str = "0200") -> None:
-    usb = sysfs / "devices" / f"1-{serial}"
-    interface = usb / "1.0"
-    interface.mkdir(parents=True, exist_ok=True)
-    (usb / "serial").write_text(serial + "\n")
-    (usb / "bcdDevice").write_text(revision + "\n")
-    entry = sysfs / "class" / f"video{number}"
-    entry.mkdir(parents=True)
-    (entry / "index").write_text(f"{index}\n")
-    (entry / "name").write_text("DIGIT: DIGIT\n")
-    (entry / "device").symlink_to(interface)
-
-
-def test_a_sensor_is_found_by_its_number(tmp_path: Path) -> None:
-    for number, serial, index in ((0, "D20001", 0), (1, "D20001", 1), (10, "D20641", 0), (11, "D20641", 1)):
-        _camera(tmp_path, number, serial=serial, index=index, revision="0101" if number < 2 else "0200")
-    nodes = video_nodes(tmp_path / "class")
-    assert [(node.device, node.serial, node.revision) for node in nodes] == [
-        ("/dev/video0", "D20001", 0x0101),
-        ("/dev/video10", "D20641", 0x0200),
-    ]
-    assert find_node("D20641", tmp_path / "class").device == "/dev/video10"
-    with pytest.raises(DeviceUnavailableError, match=r"D99999.*D20001.*D20641"):
-        find_node("D99999", tmp_path / "class")
-    with pytest.raises(DeviceUnavailableError, match="none"):
-        find_node("D20641", tmp_path / "nothing")
 
 
 def test_a_picture_with_the_end_of_the_one_before_is_torn() -> None:

@@ -9,11 +9,20 @@ from types import SimpleNamespace
 import pytest
 
 from tega.devices.fingertip import video_nodes
-from tega.devices.fingertip.video_nodes import VideoNode, camera_place, find_digits, numbered_cameras
+from tega.devices.fingertip.video_nodes import (
+    VideoNode,
+    camera_place,
+    find_digits,
+    find_node,
+    numbered_cameras,
+)
 from tega.devices.machine import CanLink, bluetooth_trouble, can_links, link_trouble
+from tega.errors import DeviceUnavailableError
 
 
-def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -> None:
+def camera(
+    root: Path, number: int, *, serial: str, usb_id: str = "2833:0209", revision: str = "0200", index: int = 0
+) -> None:
     """Make what the kernel shows of one camera: a node that hangs on an interface of a USB device."""
     usb = root / "devices" / f"1-{number}"
     interface = usb / f"1-{number}:1.0"
@@ -21,7 +30,7 @@ def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -
     vendor, product = usb_id.split(":")
     for name, value in {
         "serial": serial,
-        "bcdDevice": "0200",
+        "bcdDevice": revision,
         "idVendor": vendor,
         "idProduct": product,
         "busnum": "1",
@@ -29,7 +38,7 @@ def camera(root: Path, number: int, *, serial: str, usb_id: str = "2833:0209") -
         (usb / name).write_text(f"{value}\n")
     node = root / "video4linux" / f"video{number}"
     node.mkdir(parents=True)
-    (node / "index").write_text("0\n")
+    (node / "index").write_text(f"{index}\n")
     (node / "name").write_text("DIGIT: DIGIT\n" if vendor == "2833" else "Webcam\n")
     (node / "device").symlink_to(interface)
 
@@ -42,6 +51,22 @@ def test_a_digit_is_found_by_its_numbers_and_a_webcam_is_none(tmp_path: Path) ->
     assert found.note == "/dev/video90, firmware 2.00, USB bus 1"
     # No such file on this machine, as in a container without the camera.
     assert "it is not there" in found.problem
+
+
+def test_a_sensor_is_found_by_its_number(tmp_path: Path) -> None:
+    camera(tmp_path, 0, serial="D20001", revision="0101")
+    camera(tmp_path, 1, serial="D20001", index=1)  # its node of metadata
+    camera(tmp_path, 10, serial="D20641")
+    nodes = video_nodes.video_nodes(tmp_path / "video4linux")
+    assert [(node.device, node.serial, node.revision) for node in nodes] == [
+        ("/dev/video0", "D20001", 0x0101),
+        ("/dev/video10", "D20641", 0x0200),
+    ]
+    assert find_node("D20641", tmp_path / "video4linux").device == "/dev/video10"
+    with pytest.raises(DeviceUnavailableError, match=r"D99999.*D20001.*D20641"):
+        find_node("D99999", tmp_path / "video4linux")
+    with pytest.raises(DeviceUnavailableError, match="none"):
+        find_node("D20641", tmp_path / "nothing")
 
 
 def test_two_with_one_serial_number_are_told(tmp_path: Path) -> None:
