@@ -16,14 +16,30 @@ BITRATE = 1_000_000
 _Share = Annotated[float, msgspec.Meta(gt=0, le=1)]
 
 
-class AllegroOptions(Options, frozen=True):
+class CanOptions(Options, frozen=True):
+    """Settings of an adapter that python-can knows.
+
+    Attributes:
+        interface: The adapter's name in python-can, such as ``virtual``, ``socketcan``, ``pcan``, ``slcan``.
+        channel: Channel of the adapter.
+        bitrate: Bits per second, 1,000,000 for an Allegro Hand; ``socketcan`` is set with ``ip link`` instead.
+        bus: Further options, passed to ``can.Bus`` as they are.
+    """
+
+    interface: str
+    channel: str | int
+    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = BITRATE
+    bus: dict[str, Any] = msgspec.field(default_factory=dict)
+
+    def can_bus(self) -> dict[str, Any]:
+        """Return the arguments of ``can.Bus``."""
+        return {"interface": self.interface, "channel": self.channel, "bitrate": self.bitrate, **self.bus}
+
+
+class AllegroOptions(CanOptions, frozen=True):
     """Settings of :class:`Allegro`.
 
     Attributes:
-        interface: The adapter's name in python-can, such as ``socketcan``, ``pcan``, ``slcan``.
-        channel: Channel of the adapter.
-        bitrate: Bits per second; ``socketcan`` is set with ``ip link`` instead.
-        bus: Further options, passed to ``can.Bus`` as they are.
         device_id: The hand's number on its bus, 0 from the factory.
         side: Side of the mounted hand; the other side is refused.
         poses: Pose file of the closure levels; ``None`` for the built-in ones.
@@ -37,10 +53,6 @@ class AllegroOptions(Options, frozen=True):
         guard: Have a further process let go of the hand if the one that steers it, or this one, is lost.
     """
 
-    interface: str
-    channel: str | int
-    bitrate: Annotated[int, msgspec.Meta(gt=0, le=1_000_000)] = BITRATE
-    bus: dict[str, Any] = msgspec.field(default_factory=dict)
     device_id: Annotated[int, msgspec.Meta(ge=0, le=3)] = 0
     side: Literal["right", "left"] = "right"
     poses: Path | None = None
@@ -52,10 +64,6 @@ class AllegroOptions(Options, frozen=True):
     lowest_rate_hz: Annotated[float, msgspec.Meta(ge=0, le=1000)] = 250.0
     reconnects: Annotated[int, msgspec.Meta(ge=0, le=100)] = 5
     guard: bool = True
-
-    def can_bus(self) -> dict[str, Any]:
-        """Return the arguments of ``can.Bus``."""
-        return {"interface": self.interface, "channel": self.channel, "bitrate": self.bitrate, **self.bus}
 
     def link(self) -> HandLink:
         """Make the hand's side of the exchange, without a bus; ``ConfigError`` for an unusable pose file."""

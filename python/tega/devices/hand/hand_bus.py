@@ -28,8 +28,9 @@ from tega.wire import (
 # Waiting for a frame ends this soon, so that silence is noticed in time.
 _WAIT_S = 0.002
 _ASK_S = 0.05
-# A frame that waits longer is dropped: the next cycle has a newer one.
-_SEND_S = 0.01
+SEND_S = 0.01
+"""A frame that waits for so long is dropped: three periods of the hand, after which its torque is out of date."""
+
 _REOPEN_S = 1.0
 _MOST_FRAMES = 64
 _MOST_DRAINED = 64
@@ -59,28 +60,17 @@ def off_frames(device_id: int) -> list[CanFrame]:
     return [*allegro_limp_frames(device_id=device_id), allegro_set_period(0, device_id=device_id)]
 
 
-def can_message(can: Any, frame: CanFrame) -> Any:
-    """Return a frame as python-can's: classic CAN, an identifier of 11 bits."""
-    return can.Message(
-        arbitration_id=frame.id,
-        data=frame.data,
-        is_remote_frame=frame.remote,
-        is_extended_id=False,
-        is_fd=False,
-    )
-
-
 class HandBus:
     """A bus on any adapter that python-can knows, of the arguments of ``can.Bus``; one thread at a time uses it.
 
-    ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while it is there.
-    ``n_garbled`` counts pieces of the adapter's stream that were no frame, ``n_unsent`` frames the adapter
-    did not take.
+    ``driver`` is named in messages. ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while
+    it is there. ``n_garbled`` counts pieces of the adapter's stream that were no frame, ``n_unsent`` frames the adapter
+    did not take, and ``unsent`` is why it did not take the last of them.
     """
 
-    def __init__(self, settings: Mapping[str, Any]) -> None:
-        self.settings = dict(settings)
-        self.trouble = ""
+    def __init__(self, settings: Mapping[str, Any], driver: str = "allegro") -> None:
+        self.settings, self._driver = dict(settings), driver
+        self.trouble = self.unsent = ""
         self.n_garbled = self.n_unsent = 0
         self._can: Any = None
         self._bus: Any = None
@@ -95,7 +85,7 @@ class HandBus:
 
     def load(self) -> None:
         """Load python-can, which takes its time."""
-        self._can = require("can", driver="allegro", extra="lab")
+        self._can = require("can", driver=self._driver, extra="lab")
 
     def open(self) -> None:
         """Open the bus; ``DeviceUnavailableError`` where the adapter is not there, or refuses."""
@@ -164,17 +154,23 @@ class HandBus:
         for part in [frames] if together else [[frame] for frame in frames]:
             if self._bus is None or (outdated is not None and outdated()):
                 break
-            messages = [can_message(self._can, frame) for frame in part]
+            # Classic CAN, identifiers of 11 bits.
+            kind = {"is_extended_id": False, "is_fd": False}
+            messages = [
+                self._can.Message(arbitration_id=f.id, data=f.data, is_remote_frame=f.remote, **kind)
+                for f in part
+            ]
             try:
                 if together:
-                    self._bus.send_together(messages, timeout=_SEND_S)
+                    self._bus.send_together(messages, timeout=SEND_S)
                 else:
-                    self._bus.send(messages[0], timeout=_SEND_S)
+                    self._bus.send(messages[0], timeout=SEND_S)
                 sent += part
                 if self.settings["interface"] in _ECHOING:
                     self._echoes += [(frame.id, bytes(frame.data), frame.remote) for frame in part]
-            except Exception:  # as above
+            except Exception as error:  # as above
                 self.n_unsent += len(part)
+                self.unsent = str(error)
         return sent
 
     def switch_off(self, frames: Sequence[CanFrame], *, device_id: int, patience_s: float) -> bool:
@@ -238,4 +234,4 @@ class HandBus:
             bus = slcan_bus() if interface == "slcan" else partial(self._can.Bus, interface=interface)
             return bus(channel=channel, **settings)
 
-        return open_can_bus("allegro", interface, make, can=self._can, channel=channel)
+        return open_can_bus(self._driver, interface, make, can=self._can, channel=channel)
