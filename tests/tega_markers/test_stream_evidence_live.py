@@ -49,30 +49,32 @@ def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("daisy", "message"),
+    ("arguments", "message", "hint"),
     [
-        ("deaf", "banner: a Daisy is attached, and the board does not answer to the command"),
-        ("hidden", "values: packets of even and of odd number show different electrodes"),
+        (
+            ("--daisy", "deaf"),
+            "banner: a Daisy is attached, and the board does not answer to the command",
+            "Daisy",
+        ),
+        (
+            ("--daisy", "hidden"),
+            "values: packets of even and of odd number show different electrodes",
+            "Daisy",
+        ),
+        (("--shifted", "1.0"), "counter: the counter does not move", "radio firmware"),
+        (("--shifted", "0.6"), "counter: the counter does not move", "radio firmware"),
     ],
 )
 @pytest.mark.parametrize("signal", ["flat", "emg"])
-def test_a_daisy_that_stays_is_refused(daisy: str, message: str, signal: str) -> None:
+def test_a_daisy_that_stays_and_shifted_packets_are_refused(
+    arguments: tuple[str, ...], message: str, hint: str, signal: str
+) -> None:
     with (
-        Emulator("cyton", "--signal", signal, "--daisy", daisy) as device,
-        pytest.raises(StreamContradictionError, match=message),
+        Emulator("cyton", "--signal", signal, *arguments) as device,
+        pytest.raises(StreamContradictionError, match=message) as refused,
     ):
         cyton(device).open()
-
-
-@pytest.mark.parametrize("shifted", ["1.0", "0.6"])
-@pytest.mark.parametrize("signal", ["flat", "emg"])
-def test_packets_shifted_by_a_byte_are_refused(shifted: str, signal: str) -> None:
-    with (
-        Emulator("cyton", "--signal", signal, "--shifted", shifted) as device,
-        pytest.raises(StreamContradictionError, match="counter: the counter does not move") as refused,
-    ):
-        cyton(device).open()
-    assert "radio firmware" in refused.value.hint
+    assert hint in refused.value.hint
 
 
 def test_single_shifted_packets_are_left_out() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,21 +61,3 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
             bench.moves.act("release")
             again = picture()
         assert np.abs(pressed - untouched).max() > 2 * np.abs(again - untouched).max()
-
-
-def test_moves_can_be_made_only_after_the_untouched_pictures_are_taken(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    keep = emulated_bench.EmulatedBench._keep_baseline
-    kept = []
-
-    def keep_before_moves(finger: str, options: object, file: Path) -> None:
-        assert not (tmp_path / "lab" / "moves.json").exists()
-        keep(finger, options, file)
-        kept.append(finger)
-
-    monkeypatch.setattr(emulated_bench.EmulatedBench, "_keep_baseline", staticmethod(keep_before_moves))
-    with emulated_bench.EmulatedBench() as bench:
-        bench.write_settings(tmp_path / "lab.toml")
-    assert "thumb" in kept
-    assert (tmp_path / "lab" / "moves.json").exists()

@@ -13,8 +13,7 @@ import pytest
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import ManualClock
 from tega_emulators.chords import ChordsBoard
-from tega_emulators.cyton import CytonBoard
-from tega_emulators.faults import FAULTS, Signal
+from tega_emulators.faults import Signal
 from tega_emulators.process import Emulator
 
 MODULES = (
@@ -48,34 +47,6 @@ def test_no_emulator_imports_what_it_is_to_check() -> None:
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_cyton_packets_are_the_published_bytes() -> None:
-    board = CytonBoard(signal("flat"))
-    board.power_on()
-    assert board.packet().hex() == "a000" + "000000" * 8 + "000000001f40" + "c0"
-    assert board.packet().hex() == "a001" + "000000" * 8 + "000000000000" + "c0"
-    board = CytonBoard(signal("ramp"))
-    board.power_on()
-    # Steps -500, -400, ... 200 of 100 counts: -50000 is 0xFF3CB0.
-    counts = "ff3cb0" + "ff63c0" + "ff8ad0" + "ffb1e0" + "ffd8f0" + "000000" + "002710" + "004e20"
-    assert board.packet().hex() == "a000" + counts + "000000001f40" + "c0"
-    board = CytonBoard(signal("rail"))
-    board.power_on()
-    assert [board.packet()[2:5].hex() for _ in range(257)][-1] == "7fffff"
-    assert board.packet()[1] == 1
-
-
-def test_a_cyton_answers_in_text_only_while_it_does_not_stream() -> None:
-    board = CytonBoard(signal("flat"))
-    board.power_on()
-    assert board.receive(b"v").endswith(b"Firmware: v3.1.2\r\n$$$")
-    assert board.receive(b"x106") == b""
-    assert board.receive(b"0100X") == b"Success: Channel set for 1$$$"
-    assert board.receive(b"x9060100X").startswith(b"Failure")
-    assert board.receive(b"bv") != b""
-    assert board.receive(b"b") == b""
-    assert board.receive(b"d") == b""
-
-
 def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
     clock = ManualClock()
     board = ChordsBoard(
@@ -83,16 +54,6 @@ def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
         generation=generation, now_s=lambda: clock.now_ns() / 1e9,
     )  # fmt: skip
     return board, clock
-
-
-@pytest.mark.parametrize(("generation", "first"), [(2024, 0), (2026, 1)])
-def test_chords_packets_are_the_published_bytes(generation: int, first: int) -> None:
-    board, _ = chords(generation)
-    for n in (first, first + 1):
-        assert board.packet().hex() == f"c77c{n:02x}" + "0800" * 3 + "01"
-    for _ in range(253 - first):
-        board.packet()
-    assert (board.packet()[2], board.packet()[2]) == (255, 0)
 
 
 def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> None:
@@ -147,15 +108,3 @@ def test_an_emulator_answers_what_it_does_not_understand_and_lives(module: str, 
         device.kill()
         with pytest.raises(DeviceUnavailableError, match="does not run"):
             device.say("clear")
-
-
-def test_a_board_on_a_serial_port_refuses_bad_numbers_and_tells_its_new_port() -> None:
-    with Emulator("cyton") as device:
-        device.say("loss 0.5")
-        for line in ("loss 7", "signal nothing", "slow fast"):
-            with pytest.raises(InvalidValueError, match=line):
-                device.say(line)
-        assert set(FAULTS) >= {"loss", "half", "noise", "duplicate", "garbage", "freeze", "slow"}
-        device.say("unplug")
-        device.say("plug")
-        assert Path(device.port).is_char_device()

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -162,52 +158,3 @@ def test_no_loudspeaker_says_what_to_set(port: SoundPort) -> None:
     port.present = False
     with pytest.raises(DeviceUnavailableError, match=r"does not open.*set vest\.options\.output"):
         SoundVest(SoundVestOptions()).open()
-
-
-PROGRAM = """
-import atexit, sys, time
-import numpy as np
-from tega_emulators.sound_port import SoundPort
-port = SoundPort()
-sys.modules["sounddevice"] = port
-last = lambda: print("LAST", float(np.abs(port.played[-1][-100:]).max()), flush=True)
-from tega.devices import driver_class
-from tega.haptics import vest_frame
-atexit.register(last)  # before the driver's own, so that it is called after it
-driver = driver_class("sound-vest", "vest")
-vest = driver(driver.options_type())
-vest.open()
-while not (port.played and port.played[-1].any()):
-    vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
-    time.sleep(0.02)
-print("sounds", flush=True)
-def touch():
-    for _ in range(20 if sys.argv[1] != "SIGTERM" else 100000):
-        vest.write(0, vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40"))
-        time.sleep(0.02)
-touch()
-if sys.argv[1] == "exception":
-    raise RuntimeError("on purpose")
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="signals as on Linux")
-@pytest.mark.parametrize(("how", "code"), [("forgotten", 0), ("exception", 1), ("SIGTERM", 143)])
-def test_every_way_out_of_a_program_is_silent(how: str, code: int) -> None:
-    words = [sys.executable, "-c", PROGRAM, how]
-    with subprocess.Popen(
-        words,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
-    ) as program:
-        assert program.stdout is not None
-        assert program.stdout.readline() == "sounds\n"
-        if how == "SIGTERM":
-            program.send_signal(signal.SIGTERM)
-        message, noted = program.communicate()
-    assert program.returncode == code, noted
-    # The last that the loudspeaker was given is the end of the fade: nothing at all.
-    assert message == "LAST 0.0\n"
