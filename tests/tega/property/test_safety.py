@@ -40,7 +40,7 @@ MOMENTS = st.lists(
 )
 
 
-@settings(max_examples=300)
+@settings(max_examples=120)
 @given(moments=MOMENTS, settle_ms=st.sampled_from([0, 0, 200]), give_up_ms=st.none() | st.integers(0, 1000))
 def test_no_sequence_of_events_leads_to_active_without_every_condition(
     moments: list[Any], settle_ms: int, give_up_ms: int | None
@@ -181,7 +181,7 @@ received = st.one_of(
 )
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(
     steps=st.lists(
         st.tuples(st.lists(received, max_size=5), st.integers(0, 40), st.integers(1, 5)), max_size=60
