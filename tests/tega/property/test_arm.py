@@ -51,7 +51,7 @@ limit_sets = st.builds(
     goals=st.lists(st.tuples(vectors, quaternions, st.integers(1, 30)), min_size=1, max_size=6),
     dt_s=st.sampled_from([0.001, 0.01, 0.02, 0.1]),
 )
-@settings(max_examples=settings().max_examples // 2)
+@settings(max_examples=settings().max_examples // 4)
 def test_a_follower_obeys_and_arrives(limits, goals, dt_s) -> None:
     workspace = Workspace(limits)
     follower = Follower(limits, workspace, Pose(MIDDLE, FORWARD))

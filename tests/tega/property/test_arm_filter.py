@@ -61,7 +61,7 @@ def test_the_logarithm_goes_on_past_half_a_turn(axis, total) -> None:
 
 @pytest.mark.parametrize("frame", sorted(FRAMES))
 @given(q=quaternions, yaw=st.floats(-3.1, 3.1), base=st.floats(-3.1, 3.1), mirror=st.booleans(), v=vectors)
-@settings(max_examples=30)
+@settings(max_examples=10)
 def test_axes_change_as_m_r_mt(frame, q, yaw, base, mirror, v) -> None:
     to_base = ToBase(MappingSettings(frame=frame, yaw_rad=yaw, base_yaw_rad=base, mirror=mirror))
     m, r = to_base.matrix, Rotation.from_quat(q).as_matrix()
@@ -104,7 +104,7 @@ def test_a_constant_is_left_as_it_is_whatever_its_sign(x, q, dts, flips) -> None
 
 
 @given(r=quaternions, dts=steps_s, data=st.data())
-@settings(max_examples=30)
+@settings(max_examples=15)
 def test_the_filter_does_not_care_for_the_axes(r, dts, data) -> None:
     rotation = Rotation.from_quat(r)
     straight, turned = OneEuro(1.5, 10, 1), OneEuro(1.5, 10, 1)

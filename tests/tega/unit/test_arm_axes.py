@@ -67,8 +67,10 @@ def test_after_calibration_forward_is_forward(frame: Any) -> None:
     assert bench.away_m[1] == pytest.approx(0, abs=0.002)
 
 
-@pytest.mark.parametrize("frame", ["openxr", "base"])
-@pytest.mark.parametrize(("degrees", "mirror"), [(0, True), (90, False), (180, True), (-90, False)])
+@pytest.mark.parametrize(
+    ("frame", "degrees", "mirror"),
+    [("openxr", 0, True), ("base", 90, False), ("openxr", 180, True), ("base", -90, False)],
+)
 def test_forward_goes_away_from_the_operator_however_the_base_stands(
     frame: Any, degrees: int, mirror: bool
 ) -> None:
@@ -80,7 +82,7 @@ def test_forward_goes_away_from_the_operator_however_the_base_stands(
     for route, room in zip(ways, ((0.1, 0, 0), (0, -0.1 if mirror else 0.1, 0)), strict=True):
         bench = Bench(frame=frame, base_yaw_rad=base_yaw, mirror=mirror).take_hold()
         bench.go(1000, move=route)
-        bench.go(3000)
+        bench.go(1500)
         assert (base_in_room @ bench.away_m).tolist() == pytest.approx(room, abs=0.002)
     # A turn from forward to the left is one in the room as well, and the other way round where it is mirrored.
     to_base = ToBase(MappingSettings(frame=frame, base_yaw_rad=base_yaw, mirror=mirror))

@@ -3,18 +3,13 @@
 from __future__ import annotations
 
 import gc
-import json
 import os
 import sys
-from pathlib import Path
 from typing import Any
 
 import can
 import pytest
 
-from reference.command import call
-from tega.devices.hand.allegro import Allegro
-from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.can_open import open_can_bus
 from tega.devices.hand.hand_bus import HandBus
 from tega.devices.hand.python_can import PythonCan, PythonCanOptions
@@ -95,17 +90,6 @@ def test_nothing_leaks_from_a_library_that_fails_later() -> None:
     assert bus.n_unsent == 1
     assert bus.receive(may_reopen=False) == []
     assert "the adapter failed: canRead" in bus.trouble
-
-
-def test_hand_show_and_doctor_say_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, text = call(capsys, "hand", "show", "--interface", "kvaser", "--channel", "0", code=3)
-    assert "Kvaser's CANlib is missing" in text
-    lab = tmp_path / "lab.toml"
-    lab.write_text('[hand]\ndriver = "allegro"\noptions = { interface = "kvaser", channel = 0 }\n')
-    with pytest.raises(DeviceUnavailableError, match="CANlib is missing"):
-        Allegro(AllegroOptions(interface="kvaser", channel=0)).open()
-    out, _ = call(capsys, "doctor", lab, "--json", code=3)
-    assert "CANlib is missing" in json.dumps(json.loads(out))
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="terminals have other names")

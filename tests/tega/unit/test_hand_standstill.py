@@ -95,11 +95,11 @@ def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch:
         send = bus.send
 
         def sleeping_before(frames: Sequence[CanFrame], **more: Any) -> list[CanFrame]:
-            pushes = any(frame.id >> 2 in range(0x60, 0x64) and any(frame.data) for frame in frames)
-            if pushes and slept.slept_s == 0.0 and pushes(hand):
+            drives = any(frame.id >> 2 in range(0x60, 0x64) and any(frame.data) for frame in frames)
+            if drives and slept.slept_s == 0.0 and pushes(hand):
                 slept.slept_s = 600.0
             taken = send(frames, **more)
-            if pushes and slept.slept_s:
+            if drives and slept.slept_s:
                 sent.append(bool(taken))
             return taken
 

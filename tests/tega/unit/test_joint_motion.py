@@ -122,9 +122,9 @@ def test_what_somebody_else_moves_counts_as_nothing() -> None:
     bench = Bench()
     bench.run(1.5, lambda _t: 1.0)
     bench.node._angles += 0.05  # somebody pushes the fingers
-    bench.run(1.0, lambda _t: 1.0)
-    bench.run(1.0, lambda _t: 4.0, requested=lambda _level: None)  # a guard closes it
-    bench.run(1.0, lambda _t: 1.0, requested=lambda _level: None)
+    bench.run(0.5, lambda _t: 1.0)
+    bench.run(0.5, lambda _t: 4.0, requested=lambda _level: None)  # a guard closes it
+    bench.run(0.5, lambda _t: 1.0, requested=lambda _level: None)
     assert bench.motions == []
     assert bench.trace.n_unmoved == 0
 
@@ -134,6 +134,6 @@ def test_a_closure_that_is_taken_back_or_comes_without_rest_counts_as_nothing() 
     bench.run(1.5, lambda _t: 1.0)
     bench.run(0.5, lambda t_ms: 3.0 if 1513 <= t_ms < 1516 else 1.0)
     assert bench.motions == []
-    bench.run(2.0, lambda t_ms: 2.0 + (t_ms // 200) % 2)  # never the same for 0.3 s
+    bench.run(1.2, lambda t_ms: 2.0 + (t_ms // 200) % 2)  # never the same for 0.3 s
     assert len(bench.motions) <= 1  # the first of them, from rest
     assert bench.trace.n_unmoved == 0
