@@ -7,6 +7,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -74,45 +75,39 @@ class Lab:
         view = self.views[0]
         return f"{view.state}: {view.reason} {' '.join(view.alerts)}"
 
-    def run(self, script: Callable[[], None], *, observe: Callable[[LoopView], None] | None = None) -> None:
-        """Run a session, and a script beside it that disturbs it; the run ends with the script."""
+    @contextmanager
+    def session(self, *, observe: Callable[[LoopView], None] | None = None) -> Iterator[None]:
+        """Run a session beside what a test does to it; the run ends with that, and its error is raised then."""
         self.changes, self.views, self.stop = [], [], Stop()
-        problems: list[BaseException] = []
-
-        def disturb() -> None:
-            try:
-                script()
-            except BaseException as error:
-                problems.append(error)
-            finally:
-                self.stop.ask("the script is over")
+        begun = threading.Event()
 
         def check(view: LoopView) -> None:
             self.views[:] = [view]
             if observe is not None:
                 observe(view)
 
-        beside = threading.Thread(target=disturb, daemon=True)
-        began: list[bool] = []
-
-        def progress(subject: str, _done: int, _total: int) -> None:
-            if subject == "running" and not began:
-                began.append(True)
-                beside.start()
-
-        try:
-            self.summary = run_session(
+        with ThreadPoolExecutor(1) as beside:
+            run = beside.submit(
+                run_session,
                 check_tree(self.tree, {}, base=self.folder).config,
-                progress=progress,
+                progress=lambda subject, _done, _total: begun.set() if subject == "running" else None,
                 controls=Controls(stop=self.stop, go=lambda: self.may_go),
                 bus=observed(check, on_state=self.changes.append),
             )
-        finally:
-            if began:
-                self.stop.ask("the run is over")
-                beside.join(LONGEST_S)
-            if problems:
-                raise problems[0]
+            run.add_done_callback(lambda _run: begun.set())
+            begun.wait()
+            if run.done():
+                run.result()
+            try:
+                yield
+            finally:
+                self.stop.ask("the script is over")
+            self.summary = run.result()
+
+    def run(self, script: Callable[[], None], *, observe: Callable[[LoopView], None] | None = None) -> None:
+        """Run a session and a script beside it."""
+        with self.session(observe=observe):
+            script()
 
     def write_settings(self) -> Path:
         """Write the settings as a file for the command line."""

@@ -7,12 +7,14 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pytest
 
-from hazards.bench import LONGEST_S, closed, column, lab, states
+from hazards.bench import LONGEST_S, Lab, closed, column, lab, states
 from reference.processes import hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
@@ -40,8 +42,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.raises("thumb")
 def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: str, why: str) -> None:
     with lab(tmp_path, vest=True, fingers=("thumb", "index")) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active" and column(made, 0) and column(made, 1))
             made.sensors["thumb"].say(fault)
             # In one look at the vest; a camera that waits for a core may be silent in another.
@@ -58,8 +59,6 @@ def test_a_lost_camera_silences_its_column_and_no_other(tmp_path: Path, fault: s
             made.sensors["thumb"].say("press 0.7")
             made.until(lambda: column(made, 0))
             made.until(lambda: "thumb" not in made.said())
-
-        made.run(script)
         made.until(made.at_rest)
 
 
@@ -73,8 +72,7 @@ def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path, 
         recording={"dir": str(tmp_path / "recorded")},
         safety={"tactile_lost": "hold", "hold_ms": 60_000.0},
     ) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active" and closed(made))
             made.sensors["thumb"].say(fault)
             made.until(lambda: made.state == "hold")
@@ -83,24 +81,40 @@ def test_a_lost_camera_holds_the_hand_where_the_settings_say_so(tmp_path: Path, 
             made.sensors["thumb"].say("clear")
             made.sensors["thumb"].say("press 0.7")
             made.until(lambda: made.state == "active")
-
-        made.run(script)
         assert made.limp()
     found = inspect_file(tmp_path / "recorded" / made.summary["recording"]["file"])
     assert any("thumb: no picture" in event.text for event in found.states)
 
 
+KEYS: Final = ("pedal-keyboard", 0x0C45, 0x7403, {"silent_after_ms": 10_000.0})
+JOYSTICK: Final = (
+    "pedal-repeating",
+    0x05F3,
+    0x00FF,
+    {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3, "silent_after_ms": 100.0},
+)
+
+
+@contextmanager
+def on_foot(
+    folder: Path, pedal: tuple[str, int, int, dict[str, Any]], safety: dict[str, Any]
+) -> Iterator[tuple[Lab, Emulator]]:
+    """Start a lab with a dead-man's pedal; return both."""
+    device, vendor, product, options = pedal
+    with (
+        Emulator("hid_input", "--device", device) as foot,
+        HidPort(HidBoard(foot.port, vendor, product)).installed(),
+        lab(folder, emg=True, hand=True, safety=safety) as made,
+    ):
+        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": options}}
+        yield made, foot
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
 @pytest.mark.parametrize("how", ["lift 0", "unplug"])
 def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
-    with (
-        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
-        HidPort(HidBoard(foot.port, 0x0C45, 0x7403)).installed(),
-        lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
-    ):
-        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 10_000.0}}}
-
-        def script() -> None:
+    with on_foot(tmp_path, KEYS, {"hold_ms": 60_000.0}) as (made, foot):
+        with made.session():
             made.until(lambda: "dead-man: released" in made.said())
             assert made.state == "idle"
             foot.say("press 0")
@@ -109,22 +123,13 @@ def test_a_released_dead_man_holds(tmp_path: Path, how: str) -> None:
             made.until(lambda: made.state == "hold")
             assert "dead-man" in made.changes[-1].reason
             assert closed(made)
-
-        made.run(script)
         assert made.limp()
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
 def test_a_dead_man_that_freezes_while_it_is_held_holds(tmp_path: Path) -> None:
-    joystick = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3, "silent_after_ms": 100.0}
-    with (
-        Emulator("hid_input", "--device", "pedal-repeating") as foot,
-        HidPort(HidBoard(foot.port, 0x05F3, 0x00FF)).installed(),
-        lab(tmp_path, emg=True, hand=True, safety={"hold_ms": 60_000.0}) as made,
-    ):
-        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": joystick}}
-
-        def script() -> None:
+    with on_foot(tmp_path, JOYSTICK, {"hold_ms": 60_000.0}) as (made, foot):
+        with made.session():
             made.until(lambda: "dead-man: released" in made.said())
             foot.say("press 0")
             made.until(lambda: made.state == "active" and closed(made))
@@ -136,8 +141,6 @@ def test_a_dead_man_that_freezes_while_it_is_held_holds(tmp_path: Path) -> None:
             foot.say("lift 0")
             foot.say("press 0")
             made.until(lambda: made.state == "active")
-
-        made.run(script)
         assert made.limp()
 
 
@@ -186,8 +189,7 @@ def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
 @pytest.mark.raises("hand's guard")
 def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, recording={"dir": str(tmp_path / "recorded")}) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active" and closed(made))
             for pid in hand_guards():
                 os.kill(pid, signal.SIGKILL)
@@ -197,8 +199,6 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
             made.until(lambda: made.state == "active")
             assert len(hand_guards()) == 1
             made.until(lambda: closed(made))
-
-        made.run(script)
         assert made.limp()
         assert not hand_guards()
     held = next(k for k, change in enumerate(made.changes) if "lets go of the hand was lost" in change.reason)
@@ -212,8 +212,7 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
 @pytest.mark.raises("vest")
 def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active" and column(made, 0))
             made.vest.say("refuse")
             made.until(lambda: "vest: not reached" in made.said())
@@ -222,22 +221,17 @@ def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
             made.vest.say("clear")
             made.until(lambda: column(made, 0))
             made.until(lambda: "vest" not in made.said())
-
-        made.run(script)
         assert made.limp()
         made.until(made.at_rest)
 
 
 def test_a_lost_vest_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
     with lab(tmp_path, vest=True, fingers=("thumb",), safety={"vest_lost": "hold"}) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active")
             made.vest.say("refuse")
             made.until(lambda: made.state == "hold")
             assert "vest: not reached" in made.changes[-1].reason
-
-        made.run(script)
         made.until(made.at_rest)
 
 
@@ -252,7 +246,7 @@ def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
                 # Nothing but the vest's own watchdog can let it rest now.
                 assert rested.wait(LONGEST_S)
 
-        def script() -> None:
+        with made.session(observe=hang):
             made.until(lambda: made.state == "active" and column(made, 0))
             hang_now.set()
             made.until(hanging.is_set)
@@ -260,8 +254,6 @@ def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
             rested.set()
             made.until(lambda: "hold" in states(made))
             made.until(lambda: made.state == "active" and column(made, 0))
-
-        made.run(script, observe=hang)
     assert rested.is_set()
     late = next(change for change in made.changes if change.state == "hold")
     assert "ms late" in late.reason
@@ -270,13 +262,9 @@ def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
 
 def test_a_slow_camera_does_not_arm(tmp_path: Path) -> None:
     slow: dict[str, Any] = {"camera_hz": 20.0, "safety": {"lowest_rate_share": 0.5}}
-    with lab(tmp_path, vest=True, fingers=("thumb",), **slow) as made:
-
-        def script() -> None:
-            made.until(lambda: "a second come, 60 are expected" in made.said())
-            assert made.at_rest()
-
-        made.run(script)
+    with lab(tmp_path, vest=True, fingers=("thumb",), **slow) as made, made.session():
+        made.until(lambda: "a second come, 60 are expected" in made.said())
+        assert made.at_rest()
     assert states(made) == ["stopped"]
 
 

@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 from hazards.bench import TIGHT, Lab, closed, column, lab
+from hazards.test_lost import JOYSTICK, on_foot
 from hazards.test_stop import start
 from reference.processes import begun_by, hand_guards, until
 from tega.devices.hand.allegro import Allegro
@@ -27,7 +28,6 @@ from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.vest.player_versions import PlayerOptions
 from tega.devices.vest.vest_player import PlayerVest
 from tega.haptics import vest_frame
-from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.stations import Program, free_port, split, write_trees
 from tega_emulators.vest_bench import seen_by
@@ -64,18 +64,14 @@ def stamped(hand: Emulator, subject: Callable[[dict[str, Any]], bool]) -> float:
     return found[0]
 
 
-def steered(made: Lab, fault: Callable[[], object], subject: Callable[[dict[str, Any]], bool]) -> float:
-    """Let a run close the hand, and make a fault; return after how long the hand is so, seconds."""
-    took: list[float] = []
-
-    def script() -> None:
+def steered(made: Lab, fault: Callable[[], object], *, before: Callable[[], object] = int) -> float:
+    """Let a run close the hand, and make a fault; return after how long the hand opens, seconds."""
+    with made.session():
+        before()
         made.until(lambda: made.state == "active" and closed(made))
         began_s = time.monotonic()
         fault()
-        took.append(stamped(made.hand, subject) - began_s)
-
-    made.run(script)
-    return took[0]
+        return stamped(made.hand, opening) - began_s
 
 
 def test_a_vest_that_is_told_nothing_rests() -> None:
@@ -93,63 +89,34 @@ def test_a_vest_that_is_told_nothing_rests() -> None:
 
 
 def test_a_stale_finger_is_silent(tmp_path: Path) -> None:
-    took: list[float] = []
-    with lab(tmp_path, vest=True, fingers=("thumb",)) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active" and column(made, 0))
-            began_s = time.monotonic()
-            made.sensors["thumb"].say("pause")
-            made.until(lambda: not column(made, 0))
-            took.append(seen_by(made.vest).history[-1][0] - began_s)
-
-        made.run(script)
-    assert took[0] < TIMES * (0.1 + 1 / 30)
+    with lab(tmp_path, vest=True, fingers=("thumb",)) as made, made.session():
+        made.until(lambda: made.state == "active" and column(made, 0))
+        began_s = time.monotonic()
+        made.sensors["thumb"].say("pause")
+        made.until(lambda: not column(made, 0))
+        assert seen_by(made.vest).history[-1][0] - began_s < TIMES * (0.1 + 1 / 30)
 
 
 def test_emg_that_is_lost_holds(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, safety=OPENS | {"emg_lost_ms": 150.0}) as made:
-        took_s = steered(made, lambda: made.emg.say("freeze 1"), opening)
-    assert took_s < TIMES * 0.26 + ON_THE_WAY_S
+        assert steered(made, lambda: made.emg.say("freeze 1")) < TIMES * 0.26 + ON_THE_WAY_S
 
 
 def test_electrodes_that_are_off_hold(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, safety=OPENS) as made:
-        took_s = steered(made, lambda: made.emg.say("signal rail"), opening)
-    assert took_s < TIMES * (0.2 + 0.1) + ON_THE_WAY_S
+        assert steered(made, lambda: made.emg.say("signal rail")) < TIMES * (0.2 + 0.1) + ON_THE_WAY_S
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulated pedal needs Linux")
 @pytest.mark.parametrize(("how", "within_s"), [("lift 0", 0.01), ("freeze", 0.11)])
 def test_a_dead_man_holds(tmp_path: Path, how: str, within_s: float) -> None:
-    joystick = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3, "silent_after_ms": 100.0}
-    with (
-        Emulator("hid_input", "--device", "pedal-repeating") as foot,
-        HidPort(HidBoard(foot.port, 0x05F3, 0x00FF)).installed(),
-        lab(tmp_path, emg=True, hand=True, safety=OPENS) as made,
-    ):
-        made.tree["input"] = {"dead_man": {"driver": "pedal", "options": joystick}}
-        pressed: list[bool] = []
-
-        def fault() -> None:
-            foot.say(how)
+    with on_foot(tmp_path, JOYSTICK, OPENS) as (made, foot):
 
         def press() -> None:
             made.until(lambda: "dead-man: released" in made.said())
             foot.say("press 0")
-            pressed.append(True)
 
-        took: list[float] = []
-
-        def script() -> None:
-            press()
-            made.until(lambda: made.state == "active" and closed(made))
-            began_s = time.monotonic()
-            fault()
-            took.append(stamped(made.hand, opening) - began_s)
-
-        made.run(script)
-    assert took[0] < TIMES * (within_s + ON_THE_WAY_S)
+        assert steered(made, lambda: foot.say(how), before=press) < TIMES * (within_s + ON_THE_WAY_S)
 
 
 @pytest.mark.parametrize(
@@ -203,8 +170,7 @@ def test_a_run_that_has_lost_its_guard_holds(tmp_path: Path, how: signal.Signals
             os.kill(pid, how)
 
     with lab(tmp_path, emg=True, hand=True, safety=OPENS) as made:
-        took_s = steered(made, fault, opening)
-    assert took_s < TIMES * (within_s + ON_THE_WAY_S)
+        assert steered(made, fault) < TIMES * (within_s + ON_THE_WAY_S)
 
 
 def test_a_station_without_an_operator_holds(tmp_path: Path) -> None:

@@ -1,11 +1,9 @@
-"""The hand's poses and shape, and the bits of its status."""
+"""The hand's poses and shape."""
 
 from __future__ import annotations
 
 import json
-from dataclasses import fields
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -18,7 +16,6 @@ from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M, hand_body
 from tega.hand.poses import POSE_MARGIN_RAD, load_poses, save_poses, taught
 from tega.ui.cli.hand import hand
 from tega.wire import HAND_FINGERS
-from tega.wire.allegro_messages import AllegroInfo
 
 
 def test_poses_come_back_as_they_were_written(tmp_path: Path) -> None:
@@ -126,19 +123,3 @@ def test_fingers_weigh_what_the_published_model_says() -> None:
     }
     # Links as published, each tip with a sensor of 16.8 g.
     assert masses_kg == pytest.approx({"index": 0.1388, "middle": 0.1388, "ring": 0.1388, "thumb": 0.1231})
-
-
-@pytest.mark.parametrize(
-    ("status", "servo_on", "must_stop"),
-    [
-        (0, False, False),
-        (0b00001, True, False),
-        (0b00010, False, True),
-        (0b10000, False, True),
-        (0b10011, True, True),
-    ],
-)
-def test_the_bits_of_a_status(status: int, servo_on: bool, must_stop: bool) -> None:
-    given: dict[str, Any] = dict.fromkeys((field.name for field in fields(AllegroInfo)), 0)
-    info = AllegroInfo(**given | {"status": status})
-    assert (info.servo_on, info.must_stop) == (servo_on, must_stop)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -82,6 +84,11 @@ def test_information_of_a_real_hand() -> None:
     assert isinstance(info, wire.AllegroInfo)
     assert (info.servo_on, info.must_stop, info.must_warn) == (True, False, True)
     assert wire.allegro_report_frame(info).data == bytes.fromhex("0204 0604 00 3C 05")
+    for status, must_stop in ((0, False), (0b10, True), (0b10000, True), (0b10011, True)):
+        answer: Any = wire.allegro_decode(
+            wire.CanFrame(0x200, bytes.fromhex("0204 0604 00 3C") + bytes([status]))
+        )
+        assert (answer.servo_on, answer.must_stop) == (bool(status & 1), must_stop)
 
 
 @pytest.mark.parametrize(

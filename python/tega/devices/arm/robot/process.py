@@ -155,7 +155,7 @@ class Loop:
 
     def _count(self, now_s: float) -> float:
         """Take note of a tick and return how long ago the last one was."""
-        period_s = 1 / self._o["rate_hz"]
+        period_s: float = 1 / self._o["rate_hz"]
         dt_s = period_s if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         self._late += dt_s > 2 * period_s
