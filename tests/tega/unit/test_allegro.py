@@ -238,7 +238,7 @@ def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
             "import time\n"
             "from tega.devices.hand.allegro import Allegro, AllegroOptions\n"
             f"driver = Allegro(AllegroOptions(**{ ({**hand.address, **PATIENT})!r}))\n"
-            f"steered.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(steered.state().phase)\n{end}\n"
+            f"driver.open()\ndriver.step(5)\ntime.sleep(0.5)\nprint(driver.state().phase)\n{end}\n"
         )
         message = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
         assert message.stdout.strip() == "running"
