@@ -46,7 +46,7 @@ def hand_on(channel: str) -> Iterator[Emulator]:
 
 def close_hand(hand: Emulator) -> None:
     """Close the hand to level 3 through the driver, and let go of it."""
-    with driver(hand) as steered:
+    with driver(hand, lowest_rate_hz=10.0) as steered:
         until(lambda: steered.step(3) is not None and bool(np.abs(steered.angles_rad - LEVEL_3).max() < 0.03))
 
 
