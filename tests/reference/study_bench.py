@@ -5,6 +5,7 @@ from __future__ import annotations
 import lzma
 import time
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from tega_study.lead.running_trial import Going
 from tega_study.observers import observer_path
 from tega_study.plan import PlannedTrial, StudyPlan, make_plan, write_plan
 from tega_study.state import Where
+from tega_study.trials import Trial
 
 
 def quick_study(folder: Path, **settings: Any) -> StudyPlan:
@@ -24,6 +26,21 @@ def quick_study(folder: Path, **settings: Any) -> StudyPlan:
     plan = make_plan(**{**quick, **rests, **settings})
     write_plan(plan, folder)
     return plan
+
+
+def counted(person: str, condition: str, slips: int = 0, **more: Any) -> Trial:
+    """Return the row of a made-up trial that counts."""
+    name, number = more.get("object", "bag"), more.get("trial", 1)
+    own = {"id": f"{person}-{name}-{condition}-{number}", "participant": person, "condition": condition}
+    usual = {
+        "object": name,
+        "trial": number,
+        "repeat": number,
+        "success": True,
+        "deformations": 0,
+        "duration_s": 10.0,
+    }
+    return Trial(**{**usual, "slips": slips, **own, **more})
 
 
 class ScriptedDesk:
@@ -122,6 +139,10 @@ def study(folder: Path, **settings: Any) -> Path:
     return folder / "study"
 
 
+def files_of(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
 def events_of(folder: Path) -> list[JournalEvent]:
     return read_events(events_path(folder, "p01"))
 
@@ -134,7 +155,12 @@ GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "1-paper.mcap.xz"
 RECORDING = "recordings/p01/p01-t01-a1/trial-001.mcap"
 
 
-def led(folder: Path, plan: StudyPlan, person: str) -> None:
+@cache
+def golden_recording() -> bytes:
+    return lzma.decompress(GOLDEN.read_bytes())
+
+
+def led(folder: Path, plan: StudyPlan, person: str, *, recorded: bool = True) -> None:
     """Write what a session leaves: events, a rater's, a recording."""
     with Journal(events_path(folder, person)) as journal:
         journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
@@ -146,6 +172,7 @@ def led(folder: Path, plan: StudyPlan, person: str) -> None:
             journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
     with Journal(observer_path(folder, person, "r1")) as journal:
         journal.add("note", t_ns=1, text="the gel is new", source="r1")
-    target = folder / RECORDING.replace("p01", person)
-    target.parent.mkdir(parents=True)
-    target.write_bytes(lzma.decompress(GOLDEN.read_bytes()))
+    if recorded:
+        target = folder / RECORDING.replace("p01", person)
+        target.parent.mkdir(parents=True)
+        target.write_bytes(golden_recording())

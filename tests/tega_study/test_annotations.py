@@ -6,6 +6,7 @@ import gzip
 import json
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import msgspec
@@ -33,7 +34,7 @@ HEAD = (
     "Observation id", "Observation date", "Time offset (s)", "Subject", "Behavior", "Modifier #1", "Behavior type",
     "Time", "Comment",
 )  # fmt: skip
-_FEW = settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+_FEW = settings(max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 _WORD = st.text(st.characters(codec="utf-8", categories=("L", "N")), min_size=1, max_size=8)
 _SPOKEN = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), max_size=20)
 
@@ -105,9 +106,8 @@ def test_every_form_of_a_table_gives_the_same_events(form: str, tmp_path: Path) 
 @pytest.mark.parametrize("comment", ["two\nlines", "a\u2028b", 'said "now"'])
 def test_comments_may_hold_anything(comment: str, tmp_path: Path) -> None:
     quoted = '"' + comment.replace('"', '""') + '"'
-    (tmp_path / "a.tsv").write_text(
-        table([row("slip", "POINT", "3.0", quoted)]), encoding="utf-8", newline=""
-    )
+    text = table([row("slip", "POINT", "3.0", quoted)])
+    (tmp_path / "a.tsv").write_text(text, encoding="utf-8", newline="")
     ((event,),) = read_boris(tmp_path / "a.tsv").values()
     assert event.comment == comment
 
@@ -151,7 +151,7 @@ def test_a_project_keeps_what_was_coded(
 
 
 def test_a_bomb_of_zeros_is_not_unpacked(tmp_path: Path) -> None:
-    (tmp_path / "a.boris.gz").write_bytes(gzip.compress(bytes(1 << 28)))
+    (tmp_path / "a.boris.gz").write_bytes(gzip.compress(bytes((1 << 26) + 1)))
     with pytest.raises(RecordingError, match="more than 64 MiB when unpacked"):
         read_boris(tmp_path / "a.boris.gz")
 
@@ -174,36 +174,18 @@ def test_elan_keeps_what_was_coded_and_pympi_reads_it(
     assert n == sum(map(len, raters.values()))
 
 
-@_FEW
-@given(events=coded())
-def test_a_file_that_pympi_wrote_is_read(events: list[CodedEvent], tmp_path: Path) -> None:
-    theirs = Elan.Eaf(author="someone")
-    theirs.remove_tier("default")
-    for code in CODES:
-        theirs.add_tier(f"{code}_r1", part="thumb")
-    for event in events:
-        begin_ms = round(event.t_s * 1000)
-        end_ms = begin_ms + max(1, round((event.duration_s or 0) * 1000))
-        theirs.add_annotation(f"{event.code}_r1", begin_ms, end_ms, event.comment)
-    theirs.to_file(str(tmp_path / "a.eaf"))
-    found = read_eaf(tmp_path / "a.eaf", CODES).get("r1", [])
-    same(
-        found, [e._replace(subject="thumb", modifiers=()) for e in events] if not _modified(events) else found
-    )
-
-
-def _modified(events: list[CodedEvent]) -> bool:
-    return any(event.comment.startswith("[") for event in events)
-
-
 def test_a_tier_may_hold_several_behaviours(tmp_path: Path) -> None:
     theirs = Elan.Eaf()
     theirs.add_tier("events")
     theirs.add_annotation("events", 1000, 1001, "Slip")
     theirs.add_annotation("events", 2000, 3500, "deformation")
+    theirs.add_tier("drop_r1", part="thumb")
+    theirs.add_annotation("drop_r1", 250, 251, "ü")
     theirs.to_file(str(tmp_path / "a.eaf"))
-    (found,) = read_eaf(tmp_path / "a.eaf", CODES).values()
-    assert [(e.code, e.t_s, e.duration_s) for e in found] == [("slip", 1.0, 0.0), ("deformation", 2.0, 1.5)]
+    found = read_eaf(tmp_path / "a.eaf", CODES)
+    assert found.pop("r1") == [CodedEvent(0.25, "thumb", "drop", (), "ü")]
+    ((slip, state),) = found.values()
+    assert [(e.code, e.t_s, e.duration_s) for e in (slip, state)] == [("slip", 1, 0), ("deformation", 2, 1.5)]
 
 
 @pytest.mark.parametrize(
@@ -290,12 +272,8 @@ def test_a_state_without_an_end_lasts_to_the_trials_end_and_is_noted(
     assert "'deformation' from 2.000 s on has no end" in caplog.text
 
 
-class _At:
-    at_s = 1.0
-
-
 def test_keys_code_events_at_the_moment_that_is_played(tmp_path: Path) -> None:
-    recording, played = tmp_path / "a.mcap", _At()
+    recording, played = tmp_path / "a.mcap", SimpleNamespace(at_s=1.0)
     with annotation_keys(recording, "r1", played) as press:
         message = []
         for t_s, key in ((1, "s"), (2, "d"), (2.5, "x"), (3, "u"), (4, "d"), (5, "q"), (6, "d")):
@@ -336,10 +314,8 @@ def test_any_recording_is_annotated_by_boris_and_elan(
     boris, elan = tmp_path / "out.boris", tmp_path / "out.eaf"
     call(capsys, "recording", "annotate", recorded, "--boris", boris)
     tree = json.loads(boris.read_text())
-    tree["observations"][recorded.stem]["events"] = [
-        [0.2, "", "slip", "hard", "here"],
-        [0.3, "", "regrasp", "", ""],
-    ]
+    coded = [[0.2, "", "slip", "hard", "here"], [0.3, "", "regrasp", "", ""]]
+    tree["observations"][recorded.stem]["events"] = coded
     boris.write_text(json.dumps(tree))
     call(capsys, "recording", "annotate", recorded, "--import", boris, "--rater", "r1", "--elan", elan)
     call(capsys, "recording", "annotate", recorded, "--import", elan, "--rater", "r2")

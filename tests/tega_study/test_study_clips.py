@@ -1,5 +1,5 @@
 # mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
-"""Blind clips of recorded trials, coded in BORIS: what a rater is given, what comes back, what is compared."""
+"""Blind clips of recorded trials: what a rater is given, what comes back from BORIS, what is refused and compared."""
 
 from __future__ import annotations
 
@@ -16,23 +16,42 @@ import cv2
 import msgspec
 import numpy as np
 
-from reference.clipped import LEAD_NS, LENGTH_NS, MS, PEOPLE, S, clipped_study, planned
+from reference.clipped import LEAD_NS, LENGTH_NS, MS, PEOPLE, S, clipped_study, coded, planned
 from reference.command import call
 from reference.filmed import EPOCH_NS, number_of, packets, write_scene
 from reference.sessions import read_recorded, record, rewritten
 from reference.written import boris_project
-from tega.errors import DeviceUnavailableError, InvalidValueError
+from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.runtime.files.boris import read_boris
-from tega_study.journal import events_path
+from tega_study.detecting import DETECTOR
+from tega_study.journal import read_events
 from tega_study.observe.observing import Observing
-from tega_study.observers import observer_path
+from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import withdraw
-from tega_study.score.clips import ClipKey, make_clips, read_key
+from tega_study.score.accounts import agreements
+from tega_study.score.clips import key_path, make_clips, read_key
 from tega_study.score.clips_coded import take_clips
 from tega_study.score.recorded import RecordedTrial, read_reel, recorded_trials
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, clipped: Path) -> Path:
+    """Make clips for ``r1``, with proposals, and for ``r2``, beside a study."""
+    where = tmp_path_factory.mktemp("clips")
+    shutil.copytree(clipped, where / "study")
+    for rater, proposals in (("r1", True), ("r2", False)):
+        make_clips(where / "study", where / rater, rater, proposals=proposals)
+    return where
+
+
+@pytest.fixture
+def made(tmp_path: Path, whole: Path) -> Path:
+    """Return the study of which there are clips."""
+    shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
+    return tmp_path / "study"
 
 
 @pytest.fixture
@@ -40,13 +59,11 @@ def folder(tmp_path: Path, clipped: Path) -> Path:
     return Path(shutil.copytree(clipped, tmp_path / "study"))
 
 
-def test_clips_are_blind_and_in_an_order_of_their_own(folder: Path, tmp_path: Path) -> None:
+def test_clips_are_blind_and_in_an_order_of_their_own(made: Path, tmp_path: Path) -> None:
     orders = []
-    for rater in ("r1", "r2", "r3"):
-        out = tmp_path / rater
-        key = make_clips(folder, out, rater)
+    for rater in ("r1", "r2"):
+        out, key = tmp_path / rater, read_key(made, rater)
         orders.append([(clip.participant, clip.trial) for clip in key.clips])
-        assert read_key(folder, rater) == key
         names = [f"clip-{n:03d}" for n in range(1, len(key.clips) + 1)]
         assert sorted(p.name for p in out.iterdir()) == sorted(
             [f"{n}.avi" for n in names] + [f"{rater}.boris"]
@@ -54,21 +71,21 @@ def test_clips_are_blind_and_in_an_order_of_their_own(folder: Path, tmp_path: Pa
         text = (out / f"{rater}.boris").read_text(encoding="utf-8")
         project = json.loads(text)
         assert list(project["observations"]) == names
-        conditions = {trial.condition for trial in read_plan(folder).trials}
+        conditions = {trial.condition for trial in read_plan(made).trials}
         assert not [word for word in (*PEOPLE, *conditions, "t0", "condition") if word in text]
         assert all(o["independent_variables"].keys() == {"object"} for o in project["observations"].values())
-        assert all(not events for events in read_boris(out / f"{rater}.boris").values())
-    assert sorted(orders[0]) == sorted(orders[1]) == sorted(orders[2])
-    assert len({tuple(order) for order in orders}) == 3
+    assert all(not events for events in read_boris(tmp_path / "r2" / "r2.boris").values())
+    assert sorted(orders[0]) == sorted(orders[1])
+    assert orders[0] != orders[1]
     with pytest.raises(InvalidValueError, match="r1 has clips already"):
-        make_clips(folder, tmp_path / "again", "r1")
+        make_clips(made, tmp_path / "again", "r1")
     with pytest.raises(InvalidValueError, match="is not empty"):
-        make_clips(folder, tmp_path / "r1", "r9")
+        make_clips(made, tmp_path / "r1", "r9")
 
 
-def test_a_clip_is_the_trial_picture_by_picture(folder: Path, tmp_path: Path) -> None:
-    key = make_clips(folder, tmp_path / "out", "r1")
-    video = cv2.VideoCapture(str(tmp_path / "out" / "clip-001.avi"))
+def test_a_clip_is_the_trial_picture_by_picture(whole: Path) -> None:
+    key = read_key(whole / "study", "r1")
+    video = cv2.VideoCapture(str(whole / "r1" / "clip-001.avi"))
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(30.0)
     pictures = []
     while (got := video.read())[0]:
@@ -204,49 +221,32 @@ def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path, tm
         assert words in str(reported.value)
 
 
-def test_an_account_is_live_or_of_clips(folder: Path, tmp_path: Path) -> None:
-    make_clips(folder, tmp_path / "out", "r1")
-    take_clips(folder, tmp_path / "out" / "r1.boris", "r1")
+def test_an_account_is_live_or_of_clips(made: Path, tmp_path: Path) -> None:
+    take_clips(made, tmp_path / "r2" / "r2.boris", "r2")
     with pytest.raises(InvalidValueError, match="another code"):
-        Observing(folder, "p01", "r1", t_ns=0)
-    Observing(folder, "p01", "r2", t_ns=0).close()
-    with pytest.raises(InvalidValueError, match="r2 has scored p01 already"):
-        make_clips(folder, tmp_path / "live", "r2")
+        Observing(made, "p01", "r2", t_ns=0)
+    Observing(made, "p01", "r3", t_ns=0).close()
+    with pytest.raises(InvalidValueError, match="r3 has scored p01 already"):
+        make_clips(made, tmp_path / "live", "r3")
 
 
-def test_the_player_of_before_names_the_clips(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for words in (("--recorded",), ("--recorded", "--no-view")):
-        _, message = call(capsys, "study", "observe", folder, "p01", "--rater", "r3", *words, code=1)
-        assert "recordings are coded in BORIS" in message
-        assert f"hint: tega-teleop study clips {folder} OUT --rater r3" in message
-    assert not observer_path(folder, "p01", "r3").exists()
-
-
-def test_boris_opens_the_project_and_finds_its_media(folder: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    make_clips(folder, out, "r1", proposals=True)
-    opened = boris_project(out / "r1.boris", media=True)
+def test_boris_opens_the_project_and_finds_its_media(whole: Path) -> None:
+    opened = boris_project(whole / "r1" / "r1.boris", media=True)
     if opened is None:
         pytest.skip(
             "BORIS is not installed: pip install boris-behav-obs, or TEGA_BORIS names a Python that has it"
         )
     assert len(opened["observations"]) == 4
-    assert {one["code"] for one in opened["behaviors_conf"].values()} == {
-        "slip",
-        "deformation",
-        "drop",
-        "lift_off",
-    }
+    codes = {one["code"] for one in opened["behaviors_conf"].values()}
+    assert codes == {"slip", "deformation", "drop", "lift_off"}
 
 
-def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(folder: Path, tmp_path: Path) -> None:
-    early = make_clips(folder, tmp_path / "early", "r1")
-    result = withdraw(folder, "p02")
-    assert any("clip-" in str(path) for path in result.left)
-    late = make_clips(folder, tmp_path / "late", "r2")
-    assert {clip.participant for clip in early.clips} == {"p01", "p02"}
+def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(made: Path, tmp_path: Path) -> None:
+    assert any("clip-" in str(path) for path in withdraw(made, "p02").left)
+    late = make_clips(made, tmp_path / "late", "r3")
+    assert {clip.participant for clip in read_key(made, "r2").clips} == {"p01", "p02"}
     assert {clip.participant for clip in late.clips} == {"p01"}
-    assert take_clips(folder, tmp_path / "early" / "r1.boris", "r1").trials == {"p01": 2}
+    assert take_clips(made, tmp_path / "r2" / "r2.boris", "r2").trials == {"p01": 2}
 
 
 def test_without_recordings_there_are_no_clips(folder: Path, tmp_path: Path) -> None:
@@ -263,5 +263,121 @@ def test_the_verb(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[st
     words, _ = call(capsys, "study", "clips", folder, "--rater", "r1", "--take", out / "r1.boris", code=0)
     assert "p01: 2 trials of rater r1 taken in" in words
     call(capsys, "study", "clips", folder, "--rater", "r1", code=2)
-    assert isinstance(read_key(folder, "r1"), ClipKey)
-    assert events_path(folder, "p01").exists()
+
+
+def decide(verdicts: dict[str, Any]) -> Any:
+    """Return a rater who decides by who proposed and when: a verdict, or the time to move to."""
+
+    def change(_name: str, events: list[Any]) -> list[Any]:
+        done = []
+        for t_s, subject, code, _modifiers, comment in events:
+            verdict = verdicts[f"{comment.split()[1]} {t_s}"]
+            if isinstance(verdict, float):
+                done.append([verdict, subject, code, "thumb|proposed", comment])
+            elif verdict != "delete":
+                done.append([t_s, subject, code, f"thumb|{verdict}", comment])
+        return [*done, [1.2, "bag", "drop", "None|None", "seen by eye"]]
+
+    return change
+
+
+def test_proposals_are_confirmed_rejected_moved_and_added_to(made: Path, tmp_path: Path) -> None:
+    project = tmp_path / "r1" / "r1.boris"
+    before = read_boris(project)
+    assert [(e.t_s, e.code, e.modifiers, e.comment) for e in before["clip-001"]] == [
+        (0.5, "slip", ("None", "proposed"), "#0 rule 1.00"),
+        (0.5, "slip", ("None", "proposed"), "#1 detector 0.80"),
+        (0.9, "slip", ("None", "proposed"), "#2 detector 0.80"),
+    ]
+    coded(project, decide({"rule 0.5": "confirmed", "detector 0.5": "rejected", "detector 0.9": 1.0}))
+    taken = take_clips(made, project, "r1")
+    assert taken.trials == {"p01": 2, "p02": 2}
+    assert (taken.added, taken.unfinished) == (4, [])
+    assert taken.proposals == {
+        "detector": {"confirmed": 0, "moved": 4, "rejected": 4, "proposed": 0},
+        "rule": {"confirmed": 4, "moved": 0, "rejected": 0, "proposed": 0},
+    }
+    for person in PEOPLE:
+        events = read_observers(made, person)["r1"]
+        starts = {e.trial: e.t_ns for e in events if e.kind == "trial_start"}
+        assert all(saw_whole(events, trial, 1) for trial in starts)
+        message = [(e.kind, (e.t_ns - starts[e.trial]) / S) for e in events if e.kind in {"slip", "drop"}]
+        assert message == [("slip", 0.5), ("slip", 1.0), ("drop", 1.2)] * 2
+    with pytest.raises(InvalidValueError, match="r1 has scored p01 already"):
+        take_clips(made, project, "r1")
+    # Whoever was shown what the detector says is not compared with it.
+    second = tmp_path / "r2" / "r2.boris"
+    coded(second, lambda _name, _events: [[0.52, "", "slip", "index", ""]])
+    take_clips(made, second, "r2")
+    pairs = {(one.a, one.b) for one in agreements(made)}
+    assert ("r1", "r2") in pairs
+    assert (DETECTOR, "r2") in pairs or ("r2", DETECTOR) in pairs
+    assert not [pair for pair in pairs if "r1" in pair and DETECTOR in pair]
+    slips = next(
+        one for one in agreements(made, tolerance_s=0.1) if (one.a, one.b, one.kind) == ("r1", "r2", "slip")
+    )
+    assert (slips.n_a, slips.n_b, slips.matched) == (8, 4, 4)
+    assert slips.f1 == pytest.approx(2 * 4 / 12)
+    assert slips.delay_s == pytest.approx(0.02)
+
+
+def test_a_clip_with_an_open_proposal_counts_in_no_comparison(made: Path, tmp_path: Path) -> None:
+    project = tmp_path / "r1" / "r1.boris"
+    verdicts = {"rule 0.5": "confirmed", "detector 0.5": "delete", "detector 0.9": "proposed"}
+    coded(project, decide(verdicts))
+    taken = take_clips(made, project, "r1")
+    assert taken.unfinished == [clip.name for clip in read_key(made, "r1").clips]
+    assert taken.proposals["detector"] == {"confirmed": 0, "moved": 0, "rejected": 4, "proposed": 4}
+    events = read_events(observer_path(made, "p01", "r1"))
+    assert not any(saw_whole(events, trial, 1) for trial in (1, 2))
+
+
+BAD = [
+    (lambda t: t["observations"].update({"clip-009": {"events": []}}), "'clip-009' is no clip of r2"),
+    (lambda t: t["observations"].pop("clip-002"), "lacks clip-002"),
+    *(
+        (lambda t, event=event: t["observations"]["clip-001"]["events"].append(event), message)
+        for event, message in (
+            ([0.1, "", "sneeze", "", ""], "behaviour 'sneeze' is not known"),
+            ([99, "", "slip", "", ""], "an event at 99 s, outside"),
+            (["NaN", "", "slip", "", ""], "clip-001: 'slip' has the time 'NaN'"),
+            ([0.1], "is no BORIS project"),
+        )
+    ),
+]
+
+
+def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(made: Path, tmp_path: Path) -> None:
+    path = tmp_path / "r2" / "r2.boris"
+    whole = path.read_text(encoding="utf-8")
+    for change, message in BAD:
+        tree = json.loads(whole)
+        change(tree)
+        path.write_text(json.dumps(tree), encoding="utf-8")
+        with pytest.raises(RecordingError, match=message):
+            take_clips(made, path, "r2")
+        assert not observer_path(made, "p01", "r2").exists()
+
+
+def test_numbers_that_name_no_proposal_are_a_rater_s_own_words(made: Path, tmp_path: Path) -> None:
+    path = tmp_path / "r1" / "r1.boris"
+    words = ("#", "#x", "#²", "#99999", "# 0", "")
+    coded(path, lambda _name, _events: [[0.1 * k, "", "slip", "", word] for k, word in enumerate(words)])
+    taken = take_clips(made, path, "r1")
+    assert taken.added == 4 * len(words)
+    assert taken.proposals["rule"]["rejected"] == 4  # all were deleted
+
+
+def test_keys_are_of_the_study_and_of_no_other_file(made: Path, tmp_path: Path) -> None:
+    with pytest.raises(InvalidValueError, match="r3 has no clips"):
+        take_clips(made, tmp_path / "no.boris", "r3")
+    with pytest.raises(InvalidValueError, match="rater"):
+        make_clips(made, tmp_path / "out", "../r1")
+    for text in ("", "[]", '{"format": "other"}', "[" * 4000):
+        key_path(made, "r1").write_text(text)
+        with pytest.raises(RecordingError, match="is damaged"):
+            read_key(made, "r1")
+    stranger = key_path(made, "r2").read_text().replace('"p01"', '"../../p01"')
+    key_path(made, "r2").write_text(stranger)
+    with pytest.raises(RecordingError, match="belongs to another plan"):
+        read_key(made, "r2")

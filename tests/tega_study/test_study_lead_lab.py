@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import random
 import signal
 import subprocess
 import sys
@@ -14,13 +13,11 @@ from pathlib import Path
 
 import pytest
 
-from reference.study_bench import (
-    Experimenter,
-    events_of,
-    kinds,
-    study,
-)
+from reference.study_bench import Experimenter, events_of, kinds, study
+from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
+from tega.runtime.files.toml_text import tree_text
+from tega_emulators.lab import emulated_lab
 from tega_study.coupling import read_course
 from tega_study.journal import JournalEvent
 from tega_study.lead.benches import LabBench
@@ -30,6 +27,8 @@ from tega_study.state import derive
 from tega_study.touch_picture import finger_rows, pictures_of
 from tega_study.trials import course_path, study_trials
 
+pytestmark = pytest.mark.slow
+unix = pytest.mark.skipif(os.name == "nt", reason="Windows has neither SIGKILL nor pseudo terminals")
 KILLED = """
 import sys
 from pathlib import Path
@@ -59,8 +58,7 @@ def run_and_kill(folder: Path, when: Callable[[list[JournalEvent], float], bool]
     return False
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGKILL")
+@unix
 def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     folder = study(tmp_path)
@@ -77,34 +75,11 @@ def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
     assert derive(read_plan(folder).of("p01"), events).next is None
 
 
-@pytest.mark.deep
-def test_a_session_killed_ten_times_loses_nothing(tmp_path: Path) -> None:
-    folder = study(tmp_path, trials=6)
-    rng = random.Random(8)
-    kept: list[JournalEvent] = []
-    for _ in range(10):
-        limit_s = rng.uniform(1.0, 9.0)
-        run_and_kill(folder, lambda _events, s, limit_s=limit_s: s > limit_s)  # type: ignore[misc]
-        events = events_of(folder)
-        assert events[: len(kept)] == kept
-        kept = events
-    while run_and_kill(folder, lambda _events, _s: False):
-        pass
-    events = events_of(folder)
-    assert events[: len(kept)] == kept
-    state = derive(read_plan(folder).of("p01"), events)
-    assert state.next is None
-    assert state.n_over == 12
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+@unix
 def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
     from reference.sessions import read_recorded
-    from tega.config import check_tree
     from tega.recording.mcap_reader import McapReader
-    from tega_emulators.lab import emulated_lab
 
     folder = study(tmp_path, conditions=["haptic", "non-haptic", "event-gated"])
     plan = read_plan(folder)
@@ -141,19 +116,15 @@ def test_the_vest_rests_in_the_other_condition_and_touch_is_kept(tmp_path: Path)
         assert read_course(course_path(folder, trial)).eda.max() > 0.5
     pictures = pictures_of(folder, trials, ["bag"], "haptic")
     assert list(pictures) == [trial.id for trial in trials if trial.condition == "haptic"]
-    ((row,),) = (finger_rows(pictures, trials),)
+    (row,) = finger_rows(pictures, trials)
     assert row.finger == "thumb"
     assert (row.eda_norm or 0) > 0.5
     assert row.cci > 0.0
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+@unix
 def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.runtime.files.toml_text import tree_text
-    from tega_emulators.lab import emulated_lab
-
     folder = study(tmp_path, simulated=False, window_s=2.0, seed=1)
     assert read_plan(folder).of("p01")[0].condition == "haptic"
     with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",)) as lab:
@@ -167,13 +138,9 @@ def test_what_is_felt_in_a_session_counts_to_the_day_of_the_participant(tmp_path
     assert sum(sum(run["dose_s"]) for run in worn) > 0
 
 
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="the emulated hand's adapter is a pseudo terminal")
+@unix
 def test_devices_that_do_not_come_begin_no_trial(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.config import check_tree
-    from tega_emulators.lab import emulated_lab
-
     folder = study(tmp_path)
     lab_folder = tmp_path / "lab"
     lab_folder.mkdir()

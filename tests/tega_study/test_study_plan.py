@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from tega.errors import InvalidValueError, RecordingError
@@ -99,23 +97,11 @@ def test_rests_are_a_minute_three_at_a_change_and_five_after_twenty() -> None:
     assert rests[20] == rests[40] == 300
 
 
-def test_a_session_killed_in_a_trial_goes_on_with_the_next_and_repeats_it_at_the_end_of_its_block(
-    folder: Path,
-) -> None:
-    code = f"""
-from pathlib import Path
-import os, signal
-from tega_study.plan import read_plan
-from tega_study.state import resume
-folder = Path({str(folder)!r})
-journal, state = resume(folder, read_plan(folder), "p01", t_ns=1)
-journal.add("trial_start", t_ns=2, trial=1)
-journal.add("slip", t_ns=3, trial=1)
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-    ended = subprocess.run([sys.executable, "-c", code], check=False)
-    assert ended.returncode == -signal.SIGKILL
+def test_a_session_that_ended_in_a_trial_repeats_it_at_the_end_of_its_block(folder: Path) -> None:
     plan = read_plan(folder)
+    with resume(folder, plan, "p01", t_ns=1)[0] as journal:
+        journal.add("trial_start", t_ns=2, trial=1)
+        journal.add("slip", t_ns=3, trial=1)
     journal, state = resume(folder, plan, "p01", t_ns=9)
     with journal:
         assert [event.kind for event in journal.events] == [
@@ -164,12 +150,8 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
     (folder / "report.html").write_text("p01")
     other = events_path(folder, "p02").read_bytes()
     gone = withdraw(folder, "p01")
-    assert {path.relative_to(folder).as_posix() for path in gone.deleted} == {
-        "sessions/p01",
-        "courses/p01",
-        "report",
-        "report.html",
-    }
+    deleted = {path.relative_to(folder).as_posix() for path in gone.deleted}
+    assert deleted == {"sessions/p01", "courses/p01", "report", "report.html"}
     assert not list(folder.rglob("p01"))
     assert events_path(folder, "p02").read_bytes() == other
     assert withdrawn_ids(folder) == {"p01"}
@@ -204,11 +186,7 @@ def test_withdrawal_works_through_links_without_following_them(folder: Path, tmp
     (folder / "pictures" / "p01").symlink_to(tmp_path / "nowhere")
     (folder / "recordings").symlink_to(disk)
     deleted, changed, left = withdraw(folder, "p01")
-    assert {path.relative_to(folder).as_posix() for path in deleted} == {
-        "sessions/p01",
-        "courses/p01",
-        "pictures/p01",
-    }
+    assert set(deleted) == {folder / name / "p01" for name in ("sessions", "courses", "pictures")}
     assert not changed
     assert set(left) == {elsewhere.resolve(), (disk / "p01").resolve()}
     assert sorted(path.name for path in tmp_path.rglob("kept.mcap")) == ["kept.mcap"] * 3
@@ -277,45 +255,6 @@ def test_what_is_kept_is_on_the_disk_before_the_call_returns(
     with Journal(tmp_path / "events.jsonl") as journal:
         journal.add("note", t_ns=1)
         assert synced[-1] == (tmp_path / "events.jsonl").stat().st_size > 0
-
-
-@pytest.mark.slow
-def test_a_study_killed_ten_times_keeps_its_plan_and_every_event_that_was_acknowledged(folder: Path) -> None:
-    """A program does trials and says each event's number once it is kept; it is killed ten times, anywhere."""
-    code = f"""
-import sys
-from pathlib import Path
-from tega_study.plan import read_plan
-from tega_study.state import derive, resume
-folder = Path({str(folder)!r})
-plan = read_plan(folder)
-journal, state = resume(folder, plan, "p02", t_ns=0)
-def say(event):
-    print(event.n, event.kind, event.trial, flush=True)
-say(journal.events[-1])
-while state.next is not None:
-    trial, attempt = state.next
-    say(journal.add("trial_start", t_ns=0, trial=trial, attempt=attempt))
-    for _ in range(20):
-        say(journal.add("slip", t_ns=1, trial=trial, attempt=attempt))
-    say(journal.add("trial_end", t_ns=2, trial=trial, attempt=attempt, status="done", success=True))
-    state = derive(plan.of("p02"), journal.events)
-"""
-    plan, random = read_plan(folder), np.random.default_rng(4)
-    acknowledged: list[str] = []
-    for _ in range(10):
-        child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-        assert child.stdout is not None
-        with child, child.stdout as lines:
-            acknowledged += [lines.readline().strip() for _ in range(random.integers(1, 30))]
-            child.kill()
-            acknowledged += [line.strip() for line in lines if line.endswith("\n")]
-        kept = {f"{e.n} {e.kind} {e.trial}" for e in read_events(events_path(folder, "p02"))}
-        assert {line for line in acknowledged if line} <= kept
-        assert read_plan(folder) == plan
-    journal, state = resume(folder, plan, "p02", t_ns=0)
-    with journal:
-        assert state == derive(plan.of("p02"), journal.events)
 
 
 def test_planning_needs_no_extra_package() -> None:

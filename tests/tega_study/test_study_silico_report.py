@@ -15,6 +15,7 @@ from msgspec.structs import replace
 pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
+from reference.study_bench import counted
 from tega.errors import RecordingError
 from tega_study.difference import directions
 from tega_study.journal import Journal, events_path
@@ -23,7 +24,6 @@ from tega_study.report import write_report
 from tega_study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
 from tega_study.silico.simulate import made_study
 from tega_study.touch_picture import picture_path, read_touch_picture, write_touch_picture
-from tega_study.trials import Trial
 
 SHA = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 OBJECTS = ("bottle", "container", "bag")
@@ -86,14 +86,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_direction_is_people_s_mean_difference_with_its_t_interval() -> None:
-    def trial(person: str, condition: str, slips: int) -> Trial:
-        return Trial(
-            id=f"{person}-{condition}-{slips}", participant=person, trial=1, repeat=1, object="bottle",
-            condition=condition, success=True, slips=slips, deformations=0, duration_s=15.0,
-        )  # fmt: skip
-
-    trials = [trial("p01", "haptic", 1), trial("p01", "haptic", 2), trial("p01", "non-haptic", 5)]
-    trials += [trial("p02", "haptic", 1), trial("p02", "non-haptic", 3), trial("p03", "haptic", 9)]
+    counts = [("p01", "haptic", 1), ("p01", "haptic", 2), ("p01", "non-haptic", 5)]
+    counts += [("p02", "haptic", 1), ("p02", "non-haptic", 3), ("p03", "haptic", 9)]
+    trials = [counted(*one, object="bottle") for one in counts]
     of = {(one.metric, one.object): one for one in directions(trials, ("haptic", "non-haptic"))}
     slips = of["slips", "bottle"]
     assert (slips.people, slips.first, slips.second, slips.difference) == (2, 1.25, 4.0, -2.75)

@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
 from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
@@ -21,6 +20,8 @@ import pytest
 
 pytest.importorskip("mujoco")
 
+from reference.processes import until
+from reference.study_bench import files_of
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega_sim.operator import draw_person, load_parameters
 from tega_sim.plan import TrialResult
@@ -29,12 +30,6 @@ from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
 from tega_study.silico.simulate import ensure_plan, simulate, unfinished
 from tega_study.touch_picture import read_touch_picture
 from tega_study.trials import study_trials
-
-
-def content(folder: Path) -> dict[str, bytes]:
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()
-    }
 
 
 @pytest.mark.parametrize(
@@ -60,14 +55,8 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study of one person and two trials."""
     folder = tmp_path_factory.mktemp("silico") / "s"
     reported: list[tuple[int, int]] = []
-    simulate(
-        folder,
-        operators=1,
-        objects=["bag"],
-        trials=1,
-        jobs=1,
-        progress=lambda _, done, n: reported.append((done, n)),
-    )
+    notify: Any = lambda _, done, n: reported.append((done, n))  # noqa: E731
+    simulate(folder, operators=1, objects=["bag"], trials=1, jobs=1, progress=notify)
     assert reported[0] == (0, 2)
     assert reported[-1] == (2, 2)
     return folder
@@ -76,7 +65,7 @@ def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.mark.slow
 def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path) -> None:
     plan = simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
-    whole = content(small)
+    whole = files_of(small)
     assert unfinished(small, plan) == []
     assert len(study_trials(small)[1]) == 2
     assert sorted(whole) == [
@@ -104,7 +93,7 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
     (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").write_bytes(b"half")
     assert unfinished(small, plan) == ["p01"]
     simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
-    assert content(small) == whole
+    assert files_of(small) == whole
 
 
 @pytest.mark.slow
@@ -155,24 +144,6 @@ def test_everybody_gets_a_value_and_nobody_changes_in_anything_else() -> None:
 
 
 @pytest.mark.slow
-def test_a_dask_cluster_gives_the_same_study(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    simulate(tmp_path / "here", operators=2, objects=["bag"], trials=1, jobs=1)
-    with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-    ) as cluster:
-        address = cluster.scheduler_address
-        simulate(tmp_path / "there", operators=2, objects=["bag"], trials=1, dask=address)
-    assert content(tmp_path / "here") == content(tmp_path / "there")
-    assert len(study_trials(tmp_path / "there")[1]) == 4
-    tables = [
-        {name: tables_of(tmp_path / where)[name] for name in ("table1.csv", "trials.csv")}
-        for where in ("here", "there")
-    ]
-    assert tables[0] == tables[1]
-
-
-@pytest.mark.slow
 def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
     simulate(tmp_path / "here", operators=3, objects=["bag"], trials=1, jobs=1)
@@ -202,16 +173,8 @@ def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path
             killed.append(0)
             killer.join()
     assert killed[0], "a worker was killed while it had a session"
-    assert content(tmp_path / "here") == content(tmp_path / "there")
+    assert files_of(tmp_path / "here") == files_of(tmp_path / "there")
     assert len(study_trials(tmp_path / "there")[1]) == 6
-
-
-def tables_of(folder: Path) -> dict[str, str]:
-    from tega_study.analyse import analyse_study
-    from tega_study.tables import csv_files
-
-    analysis, material = analyse_study(folder)
-    return csv_files(analysis, material.courses)
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -226,18 +189,13 @@ def test_changes_are_small_studies_of_their_own(small: Path) -> None:
     left = run_sensitivity(small, operators=2, trials=1, varied=["vest.weber"], jobs=1, shard=(8, 8))
     assert len(left) == 7, "8 changes, of which the 8th part has one"
     (row,) = read_sensitivity(small)
-    assert (row.what, row.setting, row.end, row.people, row.trials) == (
-        "vest.weber",
-        "0.65 share",
-        "high",
-        2,
-        4,
-    )
+    found = (row.what, row.setting, row.end, row.people, row.trials)
+    assert found == ("vest.weber", "0.65 share", "high", 2, 4)
     judged = {(one.metric, one.object) for one in row.directions if one.verdict != "no data"}
     assert judged == {("duration_s", "bag"), ("slips", "bag"), ("deformations", "bag")}
-    whole = content(small)
+    whole = files_of(small)
     run_sensitivity(small, operators=2, trials=1, varied=["vest.weber"], jobs=1, shard=(8, 8))
-    assert content(small) == whole
+    assert files_of(small) == whole
     with pytest.raises(ConfigError, match=r"vest\.moon"):
         run_sensitivity(small, varied=["vest.moon"])
 
@@ -247,7 +205,7 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
     for name, jobs, shards in (("one", 1, [(1, 1)]), ("two", 2, [(1, 1)]), ("shards", 1, [(2, 2), (1, 2)])):
         for shard in shards:
             simulate(tmp_path / name, operators=2, objects=["bag"], trials=1, jobs=jobs, shard=shard)
-    assert content(tmp_path / "one") == content(tmp_path / "two") == content(tmp_path / "shards")
+    assert files_of(tmp_path / "one") == files_of(tmp_path / "two") == files_of(tmp_path / "shards")
 
 
 def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
@@ -255,36 +213,17 @@ def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
 
     plan = make_plan(participants=2, simulated=True)
     ensure_plan(plan, tmp_path / "s")
-    before = content(tmp_path / "s")
+    before = files_of(tmp_path / "s")
     ensure_plan(plan, tmp_path / "s")
-    assert content(tmp_path / "s") == before
+    assert files_of(tmp_path / "s") == before
 
 
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
-    code = "from tega.ui.cli.main import main; main()"
-    requested = [
-        "study",
-        "simulate",
-        "--operators",
-        "2",
-        "--objects",
-        "bag",
-        "--trials",
-        "1",
-        "--jobs",
-        "2",
-        "--out",
-    ]
+    requested = ["--operators", "2", "--objects", "bag", "--trials", "1", "--jobs", "2", "--out", str(folder)]
+    words = ["-m", "tega.ui.cli", "study", "simulate", *requested]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen([sys.executable, "-c", code, *requested, str(folder)], stdout=quiet, stderr=quiet)
-
-
-def wait_until(subject: Callable[[], bool], limit_s: float = 60) -> None:
-    until_s = time.monotonic() + limit_s
-    while not subject():
-        assert time.monotonic() < until_s, f"not so within {limit_s:g} s"
-        time.sleep(0.05)
+    return subprocess.Popen([sys.executable, *words], stdout=quiet, stderr=quiet)
 
 
 def workers_of(pid: int) -> list[int]:
@@ -301,11 +240,11 @@ def workers_of(pid: int) -> list[int]:
 def test_workers_end_with_the_program_that_started_them(tmp_path: Path, how: signal.Signals) -> None:
     program = begun(tmp_path / "s")
     try:
-        wait_until(lambda: len(workers_of(program.pid)) == 2 and any((tmp_path / "s").glob(".running/*")))
+        until(lambda: len(workers_of(program.pid)) == 2 and any((tmp_path / "s").glob(".running/*")))
         workers = workers_of(program.pid)
         program.send_signal(how)
         assert program.wait(60) == -how
-        wait_until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
+        until(lambda: not any(Path(f"/proc/{worker}").exists() for worker in workers))
     finally:
         program.kill()
         program.wait()
@@ -319,7 +258,7 @@ def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> Non
     for _ in range(10):
         program = begun(cut)
         try:
-            wait_until(lambda: (cut / "study.toml").exists() or program.poll() is not None)  # noqa: B023
+            until(lambda: (cut / "study.toml").exists() or program.poll() is not None)  # noqa: B023
             time.sleep(rng.uniform(0.5, 6.0))
         finally:
             cut_short += program.poll() is None
@@ -329,7 +268,7 @@ def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> Non
         assert (cut / "plan.csv").read_bytes() == plan
     assert cut_short > 2
     simulate(cut, operators=2, objects=["bag"], trials=1, jobs=1)
-    whole, left = content(tmp_path / "whole"), content(cut)
+    whole, left = files_of(tmp_path / "whole"), files_of(cut)
     assert {name: left[name] for name in whole} == whole
     assert not any(name.startswith(".running") for name in left)
 

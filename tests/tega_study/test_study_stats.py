@@ -11,7 +11,8 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("statsmodels")
 
-from tega_study.compare import compare as study_compare
+from reference.study_bench import counted
+from tega_study.compare import compare
 from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, response_slope
 from tega_study.figures import p_text
 from tega_study.people import (
@@ -26,9 +27,7 @@ from tega_study.people import (
     sign_flip,
     within_person,
 )
-from tega_study.power import SPREADS, PlannedTest, people_for, power_of
 from tega_study.rank import holm, mann_whitney, shift
-from tega_study.trials import Trial
 
 close: Any = pytest.approx
 
@@ -211,14 +210,8 @@ def test_correlation_of_a_slow_course() -> None:
     assert found == close((0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754))
     assert effective_n(POSE, TOUCH, lags=5) == close(8.55384646561)
     lags = [
-        0.416913513115,
-        0.631390258182,
-        0.801081066562,
-        0.908298531762,
-        0.978847911004,
-        0.963176643852,
-        0.889190243422,
-    ]
+        0.416913513115, 0.631390258182, 0.801081066562, 0.908298531762, 0.978847911004, 0.963176643852, 0.889190243422,
+    ]  # fmt: skip
     assert lag_sweep(POSE, TOUCH, most=3) == [(lag - 3, close(r)) for lag, r in enumerate(lags)]
     assert fisher_mean([0.9, 0.8, 0.7]) == close(0.816439328634)
     assert fisher_mean([0.9, math.nan]) == close(0.9)
@@ -230,7 +223,7 @@ def test_somebody_who_answers_has_another_slope_though_not_another_correlation()
     slopes, correlations = [], []
     for answering in (False, True):
         some, rs = [], []
-        for _ in range(60):
+        for _ in range(30):
             pose, touch, want = np.zeros(150), np.zeros(150), 2.5
             for i in range(1, 150):
                 touch[i] = 0.6 * touch[i - 1] + 0.1 * pose[i - 1] + random.normal(0, 0.02)
@@ -247,40 +240,15 @@ def test_somebody_who_answers_has_another_slope_though_not_another_correlation()
     assert min(correlations) > 0.5
 
 
-def test_power_as_worked_out_before() -> None:
-    alone = [PlannedTest("slips", 2.8, 5.9)]
-    assert power_of(alone, people=6, spread=SPREADS["high"]).found == close(0.62, abs=0.05)
-    assert power_of(alone, people=5).found == 0
-    found = people_for([PlannedTest("slips", 0.7, 4.2)], spread=SPREADS["low"])
-    assert found is not None
-    assert found.people == 6
-    assert people_for([PlannedTest("slips", 0.45, 0.5)], runs=200) is None
-
-
 def test_an_interval_from_two_people_is_not_shown_as_one() -> None:
-    counts = {
-        ("a", "haptic"): (1, 2),
-        ("a", "non-haptic"): (9, 8),
-        ("b", "haptic"): (7, 9),
-        ("b", "non-haptic"): (1, 1),
-    }
+    counts = {"a": {"haptic": (1, 2), "non-haptic": (9, 8)}, "b": {"haptic": (7, 9), "non-haptic": (1, 1)}}
     trials = [
-        Trial(
-            id=f"{person}{k}{condition}",
-            participant=person,
-            trial=k + 1,
-            repeat=k + 1,
-            object="bag",
-            condition=condition,
-            success=True,
-            slips=slips,
-            deformations=0,
-            duration_s=10.0 + slips,
-        )
-        for (person, condition), some in counts.items()
-        for k, slips in enumerate(some)
+        counted(person, condition, slips, trial=k, duration_s=10.0 + slips)
+        for person, sides in counts.items()
+        for condition, some in sides.items()
+        for k, slips in enumerate(some, start=1)
     ]
-    tests = study_compare(trials, ["bag"], ("haptic", "non-haptic"), family=["slips:bag"])
+    tests = compare(trials, ["bag"], ("haptic", "non-haptic"), family=["slips:bag"])
     (people,) = (t for t in tests if t.metric == "slips" and t.level == "people")
     assert people.effect is not None
     assert (people.low, people.high) == (None, None)

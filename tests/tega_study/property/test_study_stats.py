@@ -12,7 +12,6 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 pytest.importorskip("scipy")
-pytest.importorskip("statsmodels.stats.multitest")  # here, since it takes longer than an example may
 
 from scipy import stats
 
@@ -53,21 +52,12 @@ def test_mann_whitney_equals_full_enumeration_with_ties(x: list[float], y: list[
     assert -1 <= found.low <= found.rank_biserial <= found.high <= 1
 
 
-@pytest.mark.parametrize("n", range(1, 8))
-def test_mann_whitney_equals_full_enumeration_without_ties_up_to_seven(n: int) -> None:
+@pytest.mark.parametrize("n", range(1, 6))
+def test_mann_whitney_equals_full_enumeration_without_ties_up_to_five(n: int) -> None:
     values = [float(v * v % 101) + v / 1000 for v in range(1, 2 * n + 1)]
-    x, y = values[:n], values[n:]
-    found = mann_whitney(x, y)
+    found = mann_whitney(values[:n], values[n:])
     assert found.method == "exact"
-    if n < 7:
-        assert found.p == pytest.approx(float(enumerated_p(x, y)), abs=1e-12)
-    else:  # 3432 ways to split, by ranks in numpy
-        ranks = np.argsort(np.argsort(values)) + 1
-        sums = np.array([ranks[list(c)].sum() for c in itertools.combinations(range(2 * n), n)])
-        seen = ranks[:n].sum()
-        assert found.p == pytest.approx(
-            min(1.0, 2 * min(np.mean(sums <= seen), np.mean(sums >= seen))), abs=1e-12
-        )
+    assert found.p == pytest.approx(float(enumerated_p(values[:n], values[n:])), abs=1e-12)
 
 
 @given(small, small)
@@ -93,14 +83,13 @@ def test_the_rank_biserial_interval_covers() -> None:
     random = np.random.default_rng(1)
     true = 2 * (0.5 * (1 + math.erf(0.5))) - 1
     hits = 0
-    for _ in range(400):
+    for _ in range(200):
         x, y = random.normal(1, 1, 10), random.normal(0, 1, 10)
         low, high = rank_biserial_interval(float(np.mean(np.greater.outer(x, y))), 10, 10)
         hits += low <= true <= high
-    assert 0.91 <= hits / 400 <= 0.985
+    assert 0.91 <= hits / 200 <= 0.985
 
 
-@settings(max_examples=12)  # statsmodels collects the program's garbage at each call
 @given(st.lists(st.floats(0, 1), min_size=1, max_size=8))
 def test_holm_is_its_definition(p: list[float]) -> None:
     m, order = len(p), sorted(range(len(p)), key=p.__getitem__)
