@@ -8,14 +8,12 @@ FEATURE = Feature(
     summary="Practice: follow a level, Fitts tests, lessons for the vest.",
     verbs={
         "practice": Verb(
-            "tega_practice.cli.emg_fitts:practice",
+            "tega_practice.cli:practice",
             "Practise: follow a level with the muscles, get a score.",
             "Prepare",
         ),
-        "emg fitts": Verb("tega_practice.cli.emg_fitts:emg_fitts", "Run a Fitts test with a decoder."),
-        "emg skill": Verb("tega_practice.cli.emg_fitts:emg_skill", "Compare the scores of a person."),
-        "vest learn": Verb(
-            "tega_practice.cli.vest_learn:learn", "Learn what contacts feel like on the vest."
-        ),
+        "emg fitts": Verb("tega_practice.cli:emg_fitts", "Run a Fitts test with a decoder."),
+        "emg skill": Verb("tega_practice.cli:emg_skill", "Compare the scores of a person."),
+        "vest learn": Verb("tega_practice.cli:learn", "Learn what contacts feel like on the vest."),
     },
 )

@@ -1,12 +1,12 @@
-"""Keep the results of Fitts tests, one file each, per person and decoder, and compare decoders with intervals."""
+"""Keep the results of Fitts tests and of vest tests, one file each, and compare decoders with intervals."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from statistics import fmean, stdev
-from typing import ClassVar, Final, Literal, TypeVar
+from typing import ClassVar, Final, Literal, NamedTuple, TypeVar
 
 import msgspec
 
@@ -16,7 +16,6 @@ from tega.errors import CalibrationError, InvalidValueError
 from tega.runtime.lifecycle import scipy_stats
 from tega_learn.logs import PracticeRecord
 from tega_practice.fitts import FittsScore, Movement, fitts_score
-from tega_practice.vest_kept import VestSkillRecord
 
 
 class Interval(msgspec.Struct, frozen=True, kw_only=True):
@@ -34,13 +33,6 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
         """Return the mean and the ends, such as ``1.20 [1.05, 1.35]``."""
         ends = "" if self.low is None or self.high is None else f" [{self.low:.2f}, {self.high:.2f}]"
         return f"{self.mean:.2f}{ends}"
-
-    @property
-    def side(self) -> Literal[-1, 0, 1]:
-        """Sign of the mean where the interval leaves 0 out; else 0."""
-        if self.low is not None and self.low > 0:
-            return 1
-        return -1 if self.high is not None and self.high < 0 else 0
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
@@ -70,14 +62,12 @@ def with_first(values: Mapping[str, Mapping[Hashable, float]]) -> dict[str, tupl
     ``None`` for the first name, and without common units.
     """
     found = {}
-    first = next(iter(values), "")
+    first, reference = next(iter(values.items()), ("", {}))
     for name, units in values.items():
         if units:
-            both = (
-                []
-                if name == first
-                else [units[one] - values[first][one] for one in units if one in values[first]]
-            )
+            both = [
+                value - reference[one] for one, value in units.items() if name != first and one in reference
+            ]
             found[name] = mean_interval(list(units.values())), mean_interval(both) if both else None
     return found
 
@@ -145,6 +135,60 @@ def _moved(row: tuple[float, ...]) -> Movement:
     return Movement(*places, ends, time_s, path, int(overshoots), inside_at_start=bool(inside))
 
 
+class AspectScore(NamedTuple):
+    """Answers to one kind of question: ``right`` is their share, 0 to 1, ``chance`` that of guessing."""
+
+    aspect: str
+    asked: int
+    right: float
+    chance: float
+
+
+class VestSkillRecord(
+    CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest-skill"
+):
+    """Result of a test of the vest, and of the staircase before it.
+
+    Attributes:
+        options: The mapping's options, as JSON.
+        right_percent: Right answers of the test.
+        chance_percent: What guessing gives.
+        difference_percent: Difference of firmness that is perceived in 71 % of pairs, of the maximum; left
+            out if the staircase did not settle, or was not run.
+        dose_s: What lesson and test used of the day of the most driven motor, seconds of full drive.
+        answers: A row a question of the test: aspect, shown cue, answer, number of choices.
+    """
+
+    comments: ClassVar[dict[str, str]] = {
+        "right_percent": "of the test's questions",
+        "difference_percent": "of the maximum, noticed in 71 % of pairs",
+        "dose_s": "seconds of full drive, of the most driven motor",
+        "answers": "about what, shown, said, answers to choose from",
+    }
+
+    person: str
+    mapping: str
+    options: str = ""
+    seed: int
+    right_percent: float
+    chance_percent: float
+    difference_percent: float | None = None
+    dose_s: float
+    answers: tuple[tuple[str, str, str, int], ...]
+
+    def scores(self) -> list[AspectScore]:
+        """Return the score of each aspect, in the order of their first questions; there must be an answer."""
+        if not self.answers:
+            raise CalibrationError("the record has no answer", "do the test again")
+        aspects = dict.fromkeys(row[0] for row in self.answers)
+        found = []
+        for aspect in aspects:
+            rows = [row for row in self.answers if row[0] == aspect]
+            right = fmean(displayed == text for _, displayed, text, _ in rows)
+            found.append(AspectScore(aspect, len(rows), right, fmean(1 / max(row[3], 1) for row in rows)))
+        return found
+
+
 def keep_record(record: FittsRecord | PracticeRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:
     """Write a result into the person's folder; return the file."""
     path = (
@@ -198,18 +242,17 @@ def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -
         raise CalibrationError("no Fitts test was kept", "tega-teleop emg fitts SETTINGS.toml --person ID")
     found = []
     for person, tests in by_person(records, decoders):
-        scores = {name: [(one.person, one.score()) for one in some] for name, some in tests.items()}
-        units: dict[str, dict[Hashable, list[float]]] = {name: {} for name in tests}
-        for name, some in scores.items():
-            for who, score in some:
-                if person is None:
-                    units[name].setdefault(who, []).append(score.throughput_bits_s)
-                else:
-                    for one in score.conditions:
-                        units[name].setdefault((one.distance, one.width), []).append(one.throughput_bits_s)
-        means = {name: {unit: fmean(some) for unit, some in of.items()} for name, of in units.items()}
+        scores = {name: [one.score() for one in some] for name, some in tests.items()}
+        means: dict[str, dict[Hashable, float]] = {}
+        for name, some in tests.items():
+            if person is None:
+                pairs = zip(some, scores[name], strict=True)
+                means[name] = _means((one.person, score.throughput_bits_s) for one, score in pairs)
+            else:
+                conditions = (one for score in scores[name] for one in score.conditions)
+                means[name] = _means(((c.distance, c.width), c.throughput_bits_s) for c in conditions)
         for name, (throughput, difference) in with_first(means).items():
-            mine = [score for _, score in scores[name]]
+            mine = scores[name]
             efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
             found.append(
                 DecoderSkill(
@@ -225,6 +268,14 @@ def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -
                 )
             )
     return found
+
+
+def _means(values: Iterable[tuple[Hashable, float]]) -> dict[Hashable, float]:
+    """Average the values of each unit."""
+    units: dict[Hashable, list[float]] = {}
+    for unit, value in values:
+        units.setdefault(unit, []).append(value)
+    return {unit: fmean(some) for unit, some in units.items()}
 
 
 def by_person(
@@ -269,14 +320,10 @@ def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] =
     for person, practices in by_person([one for one in records if one.decoder], decoders):
         units: dict[str, dict[Hashable, float]] = {}
         for name, mine in practices.items():
-            errors = [(one.person, one.rms_error_levels) for one in mine]
             if person is None:
-                people = {who for who, _ in errors}
-                units[name] = {
-                    one: fmean(error for who, error in errors if who == one) for one in sorted(people)
-                }
+                units[name] = _means((one.person, one.rms_error_levels) for one in mine)
             else:  # practices of two decoders are no pairs
-                units[name] = {(name, k): error for k, (_, error) in enumerate(errors)}
+                units[name] = {(name, k): one.rms_error_levels for k, one in enumerate(mine)}
         for name, (error, paired) in with_first(units).items():
             found.append(
                 TrackingSkill(

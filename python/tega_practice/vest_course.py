@@ -20,9 +20,8 @@ from tega.devices.base import VestSink
 from tega.errors import InvalidValueError
 from tega.runtime.clock import Clock
 from tega.runtime.guide import Bar, Guide
-from tega_practice.kept import keep_record
-from tega_practice.vest_kept import VestSkillRecord
-from tega_practice.vest_lesson import Aspect, Cue, Lesson, cue, even, words_of
+from tega_practice.kept import VestSkillRecord, keep_record
+from tega_practice.vest_lesson import Aspect, Cue, Lesson, even
 
 STEP: Final = 0.75
 """Factor of a step towards the harder."""
@@ -191,8 +190,8 @@ def _compare(lesson: Lesson, guide: Guide, chance: random.Random) -> float | Non
     while not stairs.ended:
         guide.show("Which was firmer?", [Bar("done", stairs.share, f"{stairs.n_asked} asked")], None)
         pair = [
-            cue("1", "the lighter", finger, even(BASE)),
-            cue("2", "the firmer", finger, even(BASE + stairs.difference)),
+            Cue("1", "the lighter", finger, even(BASE)),
+            Cue("2", "the firmer", finger, even(BASE + stairs.difference)),
         ]
         chance.shuffle(pair)
         for one in pair:
@@ -231,7 +230,7 @@ def _test(
 
 def _requested(lesson: Lesson, aspect: Aspect, displayed: Cue, guide: Guide, *, again: bool) -> str:
     """Play and ask, again as often as that is the answer."""
-    answers = {**words_of(aspect), **({"a": "again"} if again else {})}
+    answers = {one.key: one.words for one in aspect.cues} | ({"a": "again"} if again else {})
     while True:
         lesson.play(displayed)
         if (text := guide.ask(aspect.question, answers)) != "a" or not again:

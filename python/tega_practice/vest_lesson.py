@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 import string
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.config.calibration import TouchMaxima
@@ -34,15 +34,15 @@ class TaughtTouch(NamedTuple):
 class Cue(NamedTuple):
     """One contact that a person learns to recognize.
 
-    ``key`` is the key to type for it. The finger touches as ``press`` to begin with and as ``then`` from the
-    middle on, where the object also slips if ``slips``.
+    ``key`` is the key to type for it. The finger touches as ``press`` to begin with and as ``then``, if there
+    is one, from the middle on, where the object also slips if ``slips``.
     """
 
     key: str
     words: str
     finger: str
     press: TaughtTouch
-    then: TaughtTouch
+    then: TaughtTouch | None = None
     slips: bool = False
 
 
@@ -59,67 +59,33 @@ def even(share: float) -> TaughtTouch:
     return TaughtTouch(share, share)
 
 
-def cue(
-    key: str,
-    words: str,
-    finger: str,
-    press: TaughtTouch,
-    then: TaughtTouch | None = None,
-    *,
-    slips: bool = False,
-) -> Cue:
-    """Return a cue, of an even touch unless it changes."""
-    return Cue(key, words, finger, press, press if then is None else then, slips)
-
-
 def all_aspects(fingers: Sequence[str]) -> tuple[Aspect, ...]:
     """Return every question that a contact of these fingers can be asked about."""
     one = "index" if "index" in fingers else fingers[0]
     initials = [finger[0] for finger in fingers]
     keys = initials if len(set(initials)) == len(fingers) else string.ascii_lowercase
+    named = tuple(Cue(key, f"the {f}", f, even(0.7)) for key, f in zip(keys, fingers, strict=False))
+    firm = Cue("l", "a light touch", one, even(0.4)), Cue("f", "a firm touch", one, even(0.95))
+    kind = (
+        Cue("s", "sharp: a point or an edge", one, TaughtTouch(0.95, 0.35)),
+        Cue("b", "broad: a face", one, TaughtTouch(0.35, 0.95)),
+    )
+    change = (
+        Cue("f", "it became firmer", one, even(0.5), even(0.95)),
+        Cue("l", "it became lighter", one, even(0.8), even(0.35)),
+    )
+    place = (
+        Cue("e", "near its end", one, TaughtTouch(0.8, 0.8, 0.05)),
+        Cue("b", "near the joint", one, TaughtTouch(0.8, 0.8, 0.95)),
+    )
+    slip = Cue("y", "it slipped", one, even(0.7), slips=True), Cue("n", "it held", one, even(0.7))
     return (
-        Aspect(
-            "finger",
-            "Which finger?",
-            tuple(
-                cue(key, f"the {finger}", finger, even(0.7))
-                for key, finger in zip(keys, fingers, strict=False)
-            ),
-        ),
-        Aspect(
-            "firmness",
-            "How firm?",
-            (cue("l", "a light touch", one, even(0.4)), cue("f", "a firm touch", one, even(0.95))),
-        ),
-        Aspect(
-            "kind",
-            "Of which kind?",
-            (
-                cue("s", "sharp: a point or an edge", one, TaughtTouch(0.95, 0.35)),
-                cue("b", "broad: a face", one, TaughtTouch(0.35, 0.95)),
-            ),
-        ),
-        Aspect(
-            "change",
-            "What happened?",
-            (
-                cue("f", "it became firmer", one, even(0.5), even(0.95)),
-                cue("l", "it became lighter", one, even(0.8), even(0.35)),
-            ),
-        ),
-        Aspect(
-            "place",
-            "Where on the fingertip?",
-            (
-                cue("e", "near its end", one, TaughtTouch(0.8, 0.8, 0.05)),
-                cue("b", "near the joint", one, TaughtTouch(0.8, 0.8, 0.95)),
-            ),
-        ),
-        Aspect(
-            "slip",
-            "Did it slip?",
-            (cue("y", "it slipped", one, even(0.7), slips=True), cue("n", "it held", one, even(0.7))),
-        ),
+        Aspect("finger", "Which finger?", named),
+        Aspect("firmness", "How firm?", firm),
+        Aspect("kind", "Of which kind?", kind),
+        Aspect("change", "What happened?", change),
+        Aspect("place", "Where on the fingertip?", place),
+        Aspect("slip", "Did it slip?", slip),
     )
 
 
@@ -195,7 +161,8 @@ class Lesson:
             t_ns = n * _REFRESH_NS
             t_s, before_s = t_ns * 1e-9, (t_ns - _REFRESH_NS) * 1e-9
             on = _TOUCHES_S <= t_s < _LETS_GO_S
-            press = (displayed.press if t_s < _CHANGES_S else displayed.then) if on else None
+            later = t_s >= _CHANGES_S and displayed.then is not None
+            press = (displayed.then if later else displayed.press) if on else None
             kinds = []
             if on != touched:
                 kinds.append("contact" if on else "release")
@@ -248,12 +215,3 @@ class Lesson:
 
     def _now_ns(self) -> int:
         return self._clock.now_ns() - self._start_ns
-
-
-def words_of(aspect: Aspect) -> Mapping[str, str]:
-    """Return the answers of an aspect by key."""
-    return {one.key: one.words for one in aspect.cues}
-
-
-SECONDS: Final = _ENDS_S
-"""How long one cue lasts."""

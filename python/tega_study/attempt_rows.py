@@ -15,6 +15,7 @@ from tega.errors import RecordingError
 from tega.haptics import FINGERS
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
+from tega_study.plan import PlannedTrial
 
 _Row = TypeVar("_Row")
 
@@ -60,14 +61,12 @@ class HandRow(NamedTuple):
     tips_mm: tuple[float, ...] | None = None
 
 
-def touch_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
-    """Return where an attempt's frames are."""
-    return folder / "recordings" / participant / f"{trial_id}-a{attempt}" / "touch.csv"
+TOUCH, HAND = "touch.csv", "hand.csv"
 
 
-def hand_path(folder: Path, participant: str, trial_id: str, attempt: int) -> Path:
-    """Return where an attempt's rows of hand and arm are."""
-    return touch_path(folder, participant, trial_id, attempt).with_name("hand.csv")
+def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
+    """Return where an attempt is recorded: ``recordings/<person>/<trial>-a<attempt>``."""
+    return folder / "recordings" / trial.participant / f"{trial.id}-a{attempt}"
 
 
 def write_touch(path: Path, rows: Sequence[TouchRow]) -> None:

@@ -18,7 +18,7 @@ from tega.haptics import FINGERS
 from tega.records.touch import CERTAIN
 from tega.stages.events import DetectedEvent, Detector, TouchFrame
 from tega.stages.events.settings import SETTINGS
-from tega_study.attempt_rows import HandRow, TouchRow, hand_path, read_hand, read_touch, touch_path
+from tega_study.attempt_rows import HAND, TOUCH, HandRow, TouchRow, read_hand, read_touch, recording_folder
 from tega_study.journal import JournalEvent, Kind, attempts, events_path, read_events, replaced_journal
 from tega_study.plan import read_plan
 from tega_study.study_notes import staying
@@ -101,11 +101,10 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
         rows: list[tuple[JournalEvent, JournalEvent, TrialEvents]] = []
         for start, end in attempts(read_events(events_path(folder, person))):
             trial = mine[start.trial]
-            path = touch_path(folder, person, trial.id, start.attempt)
-            if not path.exists():
+            where = recording_folder(folder, trial, start.attempt)
+            if not (where / TOUCH).exists():
                 continue
-            touch = read_touch(path)
-            hand = read_hand(hand_path(folder, person, trial.id, start.attempt))
+            touch, hand = read_touch(where / TOUCH), read_hand(where / HAND)
             fields = {"closure": "closure", "height": "height_m"}
             missing = tuple(
                 name for name, field in fields.items() if all(getattr(row, field) is None for row in hand)

@@ -18,6 +18,7 @@ from tega_scene.outcomes import SceneEvent, SceneOutcome, score_scene
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import own_film, own_recording
 from tega_scene.track import track_scene
+from tega_study.attempt_rows import recording_folder
 from tega_study.journal import (
     Journal,
     JournalEvent,
@@ -28,7 +29,6 @@ from tega_study.journal import (
     read_events,
     replaced_journal,
 )
-from tega_study.lead.trial import recording_folder
 from tega_study.observe.observing import checked_rater
 from tega_study.observers import CAMERA, RECORDED, WHOLE, measured_path, observer_path, read_measured
 from tega_study.plan import read_plan

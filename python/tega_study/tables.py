@@ -106,7 +106,6 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
             ["people_sha256", stated.people_sha256],
             ["preset", stated.preset],
             ["view", stated.view],
-            ["fresh", _cell(stated.fresh)],
             ["code_sha256", stated.code_sha256],
             ["assumptions_sha256", stated.digest],
             ["version", stated.version],

@@ -36,14 +36,7 @@ def clipped_study(where: Path, plan: StudyPlan, recording: Path, **changes: Any)
                 n = trial.trial
                 begun = main.add("trial_start", t_ns=start_ns, trial=n, source="auto")
                 main.add("slip", t_ns=start_ns + 500 * MS, trial=n, source="auto")
-                ended = main.add(
-                    "trial_end",
-                    t_ns=start_ns + LENGTH_NS,
-                    trial=n,
-                    status="done",
-                    success=True,
-                    source="auto",
-                )
+                ended = main.add("trial_end", t_ns=start_ns + LENGTH_NS, trial=n, status="done", success=True)
                 times_ns = (start_ns + at_ms * MS for at_ms in (500, 900))
                 rows = [{"kind": "slip", "t_ns": t_ns, "value": 0.8} for t_ns in times_ns]
                 found.add_attempt((begun, ended), DETECTOR, rows)

@@ -77,9 +77,8 @@ def _bag(folder: Path) -> bytes:
         t_ns = BEGIN_NS + k * 30_000_000
         picture = pressed(0.5, noise=k)
         messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
-        messages.append(
-            ("/emg", "array", t_ns, ros2_array(np.ones((2, 3), np.float32), ("samples", "channels")))
-        )
+        emg = ros2_array(np.ones((2, 3), np.float32), ("samples", "channels"))
+        messages.append(("/emg", "array", t_ns, emg))
     return write_bag(folder / "a.mcap", messages).read_bytes()
 
 
@@ -225,10 +224,10 @@ def _results() -> bytes:
 
 
 def _episodes() -> bytes:
-    lines = [
+    lines = (
         EpisodeLine(1, "begun", 5.0, "trial-001.mcap", "lift"),
         EpisodeLine(1, "kept", 9.5, duration_s=4.0),
-    ]
+    )
     return b"".join(msgspec.json.encode(line) + b"\n" for line in lines)
 
 
@@ -247,40 +246,19 @@ def _read_authority(path: Path) -> None:
 
 
 def _read_truth(path: Path) -> None:
-    trial = recorded.RecordedTrial("p01-t01", 1, 1, "bag", 0, 300_000_000, 0, path.parent)
-    recorded._of_bench(trial)
+    recorded._of_bench(recorded.RecordedTrial("p01-t01", 1, 1, "bag", 0, 300_000_000, 0, path.parent))
 
 
 _TRUTH = b"t_s,object_height_m,slip_m,deformation_m\n0.1,0.0,0.0,0.0\n0.2,0.1,0.001,0.002\n0.3,0.2,0.0,0.0\n"
-
-
 _OBJECTS = b'[bag]\nmass_g = 32.0\nmeasured = "scales"\nphoto = "objects/bag.jpg"\n'
-
-
 _TIMES = b"picture,t_ns\n0,100\n1,200\n2,300\n"
-
-
 _STATED = b'version = "0.1.0"\nparameters_sha256 = ""\npreset = "live"\n'
-
-
 _PERSON = b"[hand]\nwide = { mean = 1.0, sd = 0.2, source = 'a test', unit = 'mm' }\n"
-
-
 _TOUCH = b"t_s,finger,in_contact,eda,mass,peak,x,y\n0.1,thumb,1,9,1.5,2.5,3.0,4.0\n0.2,thumb,0,0,0,0,0,0\n"
-
-
 _HAND = b"t_s,level,closure,height_m\n0.1,1,1.0,0.2\n0.2,,,\n"
-
-
 _FACTS = b'{"trial": "p01-t01", "attempt": 1, "started_ns": 5, "zero_ns": 3}'
-
-
 _FORCES = b"img_name,force_n\nframe_0.png,1.5\nframe_1.png,2.5\n"
-
-
 _COURSE_OF_FORCE = b"t_s,force_n\n0.1,1.5\n0.2,2.5\n"
-
-
 _MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
 
 
@@ -345,17 +323,9 @@ GUEST_READERS: dict[str, Reader] = {
     "certificate of the authority": ("ca.pem", lambda _: _keys()["ca.pem"], _read_authority),
     "key of the authority": ("ca.key", lambda _: _keys()["ca.key"], _read_authority),
     "video of a scene": ("front.mp4", _mp4, _read_pictures),
-    "recording of a scene": (
-        "scene.mcap",
-        _scene,
-        lambda p: export_camera(p, "front", p.parent / "out.mp4"),
-    ),
+    "recording of a scene": ("scene.mcap", _scene, lambda p: export_camera(p, "front", p.parent / "out.mp4")),
     "record of a Fitts test": ("f.toml", _fitts, lambda p: read_record(p, FittsRecord).score()),
-    "people's numbers": (
-        "people.toml",
-        _of_package("tega_sim.operator", "parameters.toml"),
-        load_parameters,
-    ),
+    "people's numbers": ("people.toml", _of_package("tega_sim.operator", "parameters.toml"), load_parameters),
     "simulated objects": ("things.toml", _of_package("tega_sim.world", "objects.toml"), read_simulated),
     "moments of a light": (
         "flashes.csv",

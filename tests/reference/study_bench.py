@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import lzma
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.running_trial import Going
 from tega_study.observers import observer_path
-from tega_study.plan import PlannedTrial, StudyPlan, make_plan, write_plan
+from tega_study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
 from tega_study.state import Where
 from tega_study.trials import Trial
 
@@ -113,6 +113,26 @@ class StandingBench:
             time.sleep(0.001)
 
 
+class LiftingBench(StandingBench):
+    """Devices on which every object is lifted and held, in a time of their own."""
+
+    sees_height = True
+
+    def __init__(self) -> None:
+        super().__init__(own_time=True)
+
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        going.notify("armed", "stands ready")
+        while not going.over() and not going.may_go():
+            time.sleep(0.001)
+        going.begin(0)
+        time.sleep(0.2)  # so that the experimenter sees the trial, and can press a key in it
+        for t_ms in range(0, 1500, 50):
+            going.observe("height", t_ms * 1_000_000, 0.25)
+        while not going.over():
+            time.sleep(0.001)
+
+
 class Experimenter(ScriptedDesk):
     """Presses Enter when asked to begin, and what else is to be pressed in each phase.
 
@@ -143,6 +163,18 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
+def ran(folder: Path, person: str, trials: Callable[[Journal, PlannedTrial, int], object]) -> None:
+    """Write a session whose trials last nine seconds each; ``trials`` adds what happens in one, from a time on."""
+    plan = read_plan(folder)
+    with Journal(events_path(folder, person)) as journal:
+        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        for trial in plan.of(person):
+            at_ns = trial.trial * 20 * 10**9
+            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
+            trials(journal, trial, at_ns)
+            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+
+
 def events_of(folder: Path) -> list[JournalEvent]:
     return read_events(events_path(folder, "p01"))
 
@@ -160,16 +192,14 @@ def golden_recording() -> bytes:
     return lzma.decompress(GOLDEN.read_bytes())
 
 
-def led(folder: Path, plan: StudyPlan, person: str, *, recorded: bool = True) -> None:
+def led(folder: Path, person: str, *, recorded: bool = True) -> None:
     """Write what a session leaves: events, a rater's, a recording."""
-    with Journal(events_path(folder, person)) as journal:
-        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
-        for trial in plan.of(person):
-            at_ns = trial.trial * 20 * 10**9
-            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
-            journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
-            journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial, source="experimenter")
-            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+
+    def slip(journal: Journal, trial: PlannedTrial, at_ns: int) -> None:
+        journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
+        journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial, source="experimenter")
+
+    ran(folder, person, slip)
     with Journal(observer_path(folder, person, "r1")) as journal:
         journal.add("note", t_ns=1, text="the gel is new", source="r1")
     if recorded:

@@ -6,6 +6,7 @@ import json
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,11 @@ import pytest
 
 from reference.command import call
 from reference.processes import until
-from tega.config import check_tree, load_config
-from tega.errors import ConfigError
+from tega.config import SessionConfig, check_tree, load_config
 from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, report_text, write_report
 from tega_bench.acceptance.run import accept_device, acceptance_case
 from tega_emulators.emulated_bench import EmulatedBench
-from tega_emulators.lab import emulated_lab
+from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.vest_bench import seen_by
 
 pytestmark = [
@@ -64,8 +64,8 @@ def settings(bench: EmulatedBench, tmp_path: Path) -> Path:
     return tmp_path / "lab.toml"
 
 
-def accepted(settings: Path, name: str, person: Person) -> AcceptanceReport:
-    config = load_config(settings, environ={}).config
+def accepted(settings: Path | SessionConfig, name: str, person: Person) -> AcceptanceReport:
+    config = load_config(settings, environ={}).config if isinstance(settings, Path) else settings
     report = accept_device(config, acceptance_case(config, name), person, answered=True)
     assert tuple(step.name for step in report.steps) == STEPS
     return report
@@ -73,6 +73,20 @@ def accepted(settings: Path, name: str, person: Person) -> AcceptanceReport:
 
 def by_name(report: AcceptanceReport) -> dict[str, Any]:
     return {step.name: step for step in report.steps}
+
+
+@contextmanager
+def arm_lab(folder: Path, driver: Any = True) -> Iterator[tuple[EmulatedLab, SessionConfig]]:
+    """Stand an arm and what leads it ready."""
+    with emulated_lab(folder, vest=False, fingers=(), arm=driver) as lab:
+        yield lab, check_tree(lab.tree, {}, base=folder).config
+
+
+def press_when(lab: EmulatedLab, text: str) -> None:
+    """Hold dead-man and clutch while that is asked for."""
+    word = "lift" if text.startswith("Let go") else "press" if text.startswith("hold the dead-man") else ""
+    for button in (0, 1) if word else ():
+        lab.cap.say(f"{word} {button}")
 
 
 def test_a_fingertip_is_accepted_with_a_touch(bench: EmulatedBench, settings: Path) -> None:
@@ -134,6 +148,10 @@ def test_without_a_yes_nothing_vibrates_and_no_motor_goes_on(bench: EmulatedBenc
     steps = by_name(accepted(settings, "hand", Person("yes", yes=False)))
     assert steps["rate"].status == "passed"
     assert {steps[name].status for name in STEPS[2:]} == {"skipped"}
+    at_rest(bench)
+
+
+def at_rest(bench: EmulatedBench) -> None:
     check = bench.hand.say("look")
     assert not check["servo_on"]
     assert not any(check["duties"])
@@ -146,9 +164,7 @@ def test_a_hand_moves_a_little_and_is_let_go(bench: EmulatedBench, settings: Pat
     assert 0.01 < steps["least"].measured["moved_rad"] < 0.5
     assert steps["limits"].measured["torque_share_ratio"] <= 0.3
     assert "its motors are off" in steps["stop"].said
-    check = bench.hand.say("look")
-    assert not check["servo_on"]
-    assert not any(check["duties"])
+    at_rest(bench)
 
 
 def test_a_device_that_is_not_there_fails_at_once(bench: EmulatedBench, settings: Path) -> None:
@@ -170,7 +186,7 @@ def after(seconds: float, do: Callable[[], object]) -> None:
 
 
 def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
-    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+    with arm_lab(tmp_path) as (lab, config):
         headset = lab.headset
         headset.say("at 0 1.2 0")
 
@@ -182,12 +198,8 @@ def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
             if text.startswith("Bring it back"):
                 headset.say("find")
 
-        config = check_tree(lab.tree, {}, base=tmp_path).config
-        report = accept_device(
-            config, acceptance_case(config, "tracker"), Person("yes", act=act), answered=True
-        )
+        report = accepted(config, "tracker", Person("yes", act=act))
     steps = by_name(report)
-    assert tuple(steps) == STEPS
     assert all(step.status in {"passed", "look"} for step in steps.values()), report_text(report)
     assert steps["rate"].measured["rate_hz"] > 5
     assert steps["latency"].measured["age_p50_ms"] >= 0
@@ -197,23 +209,18 @@ def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
 
 
 def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_path: Path) -> None:
-    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
+    with arm_lab(tmp_path) as (lab, config):
         cap = lab.cap
 
         def press() -> None:
-            cap.say("press 0")
-            cap.say("lift 0")
-            cap.say("push 300 0 0 0 0 0")
-            cap.say("push 0 0 0 0 0 0")
+            for words in ("press 0", "lift 0", "push 300 0 0 0 0 0", "push 0 0 0 0 0 0"):
+                cap.say(words)
 
         def act(text: str) -> None:
             if text.startswith("Press and let go"):
                 after(1.0, press)
 
-        config = check_tree(lab.tree, {}, base=tmp_path).config
-        case = acceptance_case(config, "dead_man")
-        steps = by_name(accept_device(config, case, Person("yes", act=act), answered=True))
-        assert tuple(steps) == STEPS
+        steps = by_name(accepted(config, "dead_man", Person("yes", act=act)))
         assert {step.status for step in steps.values()} <= {"passed", "look"}, steps
         assert steps["least"].status == steps["latency"].status == steps["stop"].status == "passed"
         assert "left" in steps["least"].said
@@ -223,7 +230,7 @@ def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_p
                 cap.say("lift 0")
                 cap.say("press 0")
 
-        stuck = by_name(accept_device(config, case, Person("yes", act=stick), answered=True))
+        stuck = by_name(accepted(config, "dead_man", Person("yes", act=stick)))
     assert stuck["limits"].status == stuck["stop"].status == "failed"
     assert "reads as held although it is untouched" in stuck["limits"].said
 
@@ -244,25 +251,12 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
     if driver == "franky":
         pytest.importorskip("franky", reason="comes with the extra arm-sim")
         pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
-    with emulated_lab(tmp_path, vest=False, fingers=(), arm=driver) as lab:
+    with arm_lab(tmp_path, driver) as (lab, config):
         lab.go_ahead()
-        cap = lab.cap
-
-        def act(text: str) -> None:
-            if text.startswith("Let go"):
-                for button in (0, 1):
-                    cap.say(f"lift {button}")
-            if text.startswith("hold the dead-man switch"):
-                for button in (0, 1):
-                    cap.say(f"press {button}")
-
-        config = check_tree(lab.tree, {}, base=tmp_path).config
-        case = acceptance_case(config, "arm")
-        refused = by_name(accept_device(config, case, Person("yes", yes=False, act=act), answered=True))
+        refused = by_name(accepted(config, "arm", Person("yes", yes=False)))
         assert {step.status for name, step in refused.items() if name != "identity"} == {"skipped"}
-        report = accept_device(config, case, Person("yes", act=act), answered=True)
+        report = accepted(config, "arm", Person("yes", act=lambda text: press_when(lab, text)))
     steps = by_name(report)
-    assert tuple(steps) == STEPS
     assert {step.status for step in steps.values()} <= {"passed", "look"}, report_text(report)
     assert steps["rate"].measured["rate_hz"] > 20
     # franky-sim's arm hangs on a spring and rubs.
@@ -276,9 +270,8 @@ def test_an_arm_goes_up_a_little_under_the_dead_man_and_comes_back(tmp_path: Pat
 
 def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tega_bench.homing.PATIENCE_S", 2.0)
-    with emulated_lab(tmp_path, vest=False, fingers=(), arm=True) as lab:
-        config = check_tree(lab.tree, {}, base=tmp_path).config
-        report = accept_device(config, acceptance_case(config, "arm"), Person(""), answered=True)
+    with arm_lab(tmp_path) as (_, config):
+        report = accepted(config, "arm", Person(""))
     steps = by_name(report)
     assert (steps["limits"].status, steps["least"].status) == ("skipped", "failed")
     assert not report.passed
@@ -287,8 +280,6 @@ def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest
 
 
 def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: Path) -> None:
-    text = settings.read_text(encoding="utf-8")
-    text = text.replace("require_vest", "# require_vest")
     config = load_config(settings, sets=('vest.options.app_id="secret"',), environ={}).config
     report = accept_device(config, acceptance_case(config, "vest"), Person("", yes=False), answered=False)
     data, words = write_report(report, tmp_path / "reports")
@@ -317,10 +308,3 @@ def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[
     _, err = call(capsys, "acceptance", settings, "foot", "--yes", code=1)
     assert "the settings name no device 'foot'" in err
     assert "tactile.thumb" in err
-
-
-def test_a_device_has_to_be_meant(settings: Path) -> None:
-    config = load_config(settings, environ={}).config
-    assert acceptance_case(config, "tactile.index").check == "tactile.index"
-    with pytest.raises(ConfigError, match="no device ''"):
-        acceptance_case(config, "")

@@ -227,19 +227,6 @@ def test_a_vest_whose_link_comes_back_is_guarded_by_the_same_process(
         assert "SWITCH" not in caplog.text
 
 
-class _Feels(AcceptanceGuide):
-    """A person who says yes to everything."""
-
-    def say(self, text: str) -> None:
-        """Hear it."""
-
-    def confirm(self, text: str) -> bool:
-        return "vibrate" in text
-
-    def ask(self, text: str) -> str:
-        return "yes" if text else ""
-
-
 @pytest.mark.parametrize(
     ("name", "message"),
     [
@@ -250,7 +237,7 @@ class _Feels(AcceptanceGuide):
 def test_an_acceptance_says_of_closing_what_the_vest_confirmed(name: str, message: str) -> None:
     with bench(name, limit=20) as made:
         made.vest.open()
-        *_, stop = accept_vest(made.vest, "x40", 20, _Feels())
+        *_, stop = accept_vest(made.vest, "x40", 20, AcceptanceGuide(yes=True))
     assert stop.name == "stop"
     assert message in stop.said
 
@@ -346,4 +333,3 @@ def test_every_way_out_of_a_program_leaves_the_vest_silent(any_bench: Bench, how
     codes = {"forgotten": 0, "exception": 1, "SIGTERM": 143, "SIGKILL": -9, "SIGSTOP": -9}
     assert program.returncode == codes[how], message
     made.wait(lambda: seen_by(made.peer).motors == SILENT)
-    seen_by(made.peer)

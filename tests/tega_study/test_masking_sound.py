@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from reference.processes import until
-from reference.study_bench import ScriptedDesk, quick_study
+from reference.study_bench import LiftingBench, ScriptedDesk, quick_study
 from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, MissingExtraError
 from tega_emulators.sound_port import SoundPort
@@ -18,6 +19,7 @@ from tega_study.journal import events_path, read_events
 from tega_study.lead.session import lead_session
 from tega_study.masking_settings import MaskingSection
 from tega_study.masking_sound import BAND_HZ, RATE_HZ, MaskingSound, pink_loop
+from tega_study.state import SessionState
 
 QUIET = MaskingSection(level_dbfs=-30.0)
 
@@ -87,26 +89,24 @@ def test_without_a_loudspeaker_package_or_level_it_says_what_to_do(
 
 @pytest.mark.slow
 def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundPort, tmp_path: Path) -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    from tega_study.lead.benches import SimulatedBench
+    quick_study(tmp_path)
 
-    plan = quick_study(tmp_path)
-    bench = SimulatedBench(plan, "p01", real_time=False)
+    def lead(**options: Any) -> SessionState:
+        return lead_session(
+            tmp_path, "p01", LiftingBench(), ScriptedDesk(), time_scale=0.01, auto=True, **options
+        )
 
     def notes() -> list[str]:
         return [event.text for event in read_events(events_path(tmp_path, "p01")) if event.kind == "note"]
 
     with MaskingSound(QUIET) as sound:
         until(lambda: sound.playing)
-        lead_session(
-            tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True, trials=1, masking=sound
-        )
+        lead(trials=1, masking=sound)
         assert "masking sound: pink noise at -30 dB of full scale (RMS) on the system output" in notes()
         port.present = False
         until(lambda: not sound.playing)
         with pytest.raises(DeviceUnavailableError, match="the masking sound stopped"):
-            lead_session(tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True, masking=sound)
+            lead(masking=sound)
     assert any("the masking sound stopped" in note for note in notes())
-    state = lead_session(tmp_path, "p01", bench, ScriptedDesk(), time_scale=0.01, auto=True)
-    assert state.next is None
+    assert lead().next is None
     assert "masking sound: none" in notes()

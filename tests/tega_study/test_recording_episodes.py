@@ -64,7 +64,6 @@ def files(folder: Path) -> list[str]:
 @pytest.mark.slow
 def test_an_episode_is_kept_discarded_and_done_again_by_one_key_at_a_time(tmp_path: Path) -> None:
     folder = tmp_path / "monday"
-    pedals = "bnm"
     operator = _Operator(
         ("ready", ENTER), ("episode", ENTER), ("decide", ENTER),  # kept by key
         ("ready", "b"), ("episode", "b"), ("decide", "n"),  # discarded by pedal
@@ -73,22 +72,21 @@ def test_an_episode_is_kept_discarded_and_done_again_by_one_key_at_a_time(tmp_pa
         ("ready", ENTER), ("episode", "x"),  # discarded while it goes on
         ("ready", "qq"),
     )  # fmt: skip
-    taken = EpisodeTaker(lab(), folder, operator, task="lift the bottle", pedals=pedals).take()
+    taken = EpisodeTaker(lab(), folder, operator, task="lift the bottle", pedals="bnm").take()
     assert [line.step for line in taken] == ["kept", "discarded", "discarded", "kept", "discarded"]
     # Of the three that were discarded nothing is left but their lines.
     assert files(folder) == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
+    names = ["trial-001.mcap", "trial-002.mcap"]
     index = json.loads((folder / "session.json").read_text())["trials"]
-    assert [(trial["file"], trial["state"], trial["task"]) for trial in index] == [
-        ("trial-001.mcap", "complete", "lift the bottle"),
-        ("trial-002.mcap", "complete", "lift the bottle"),
-    ]
+    rows = [(trial["file"], trial["state"], trial["task"]) for trial in index]
+    assert rows == [(name, "complete", "lift the bottle") for name in names]
     lines = read_episodes(folder)
     assert [(line.episode, line.step) for line in lines] == [
         (n, step) for n, end in enumerate([one.step for one in taken], 1) for step in ("begun", end)
     ]
-    assert [line.file for line in taken if line.step == "kept"] == ["trial-001.mcap", "trial-002.mcap"]
+    assert [line.file for line in taken if line.step == "kept"] == names
     assert all((line.duration_s or 0) > 1.0 for line in taken)
-    for name in ("trial-001.mcap", "trial-002.mcap"):
+    for name in names:
         found = inspect_file(folder / name)
         assert found.complete
         assert found.duration_s > 1.0
@@ -164,14 +162,11 @@ def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_
         EpisodeJournal(folder)
 
 
-@pytest.mark.parametrize("pedals", ["q", "x", "bb", "bnmk", "ba", "b,b", "b,,n", "left,x", "left,right"])
-def test_pedals_that_mean_something_else_are_refused(pedals: str, tmp_path: Path) -> None:
-    with pytest.raises(InvalidValueError, match="pedals"):
-        EpisodeTaker(lab(), tmp_path / "s", _Operator(), task="touch", pedals=pedals)
+def test_pedals_that_mean_something_else_are_refused(tmp_path: Path) -> None:
+    for pedals in ("q", "x", "bb", "bnmk", "ba", "b,b", "b,,n", "left,x", "left,right"):
+        with pytest.raises(InvalidValueError, match="pedals"):
+            EpisodeTaker(lab(), tmp_path / "s", _Operator(), task="touch", pedals=pedals)
     assert not (tmp_path / "s").exists()
-
-
-def test_a_marker_that_lets_one_button_through_is_no_pedal_of_two(tmp_path: Path) -> None:
     config = lab(input={"marker": {"driver": "spacemouse", "button": "left"}})
     with pytest.raises(InvalidValueError, match=r"marker\.button = 'left' lets no other button through"):
         EpisodeTaker(config, tmp_path / "s", _Operator(), task="touch", pedals="left,right")
@@ -209,8 +204,11 @@ class _Foot(_Operator):
 _JOYSTICK = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
 
 
+emulators = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+@emulators
 def test_a_hardware_pedal_starts_ends_keeps_discards_and_does_again(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
@@ -227,15 +225,16 @@ def test_a_hardware_pedal_starts_ends_keeps_discards_and_does_again(tmp_path: Pa
         taken = EpisodeTaker(config, folder, operator, task="lift", pedals="1,2,3").take()
     assert [line.step for line in taken] == ["kept", "discarded", "discarded", "discarded", "kept"]
     assert files(folder) == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
-    # The press that ended an episode stands in it.
-    reader = McapReader(folder / "trial-001.mcap")
-    marked = [one.value.text for one in reader.messages() if one.topic == "/run/marker"]
-    assert marked == ["1"]
+    assert marked(folder / "trial-001.mcap") == ["1"], "the press that ended an episode stands in it"
     assert operator.wrong == []
 
 
+def marked(path: Path) -> list[str]:
+    return [one.value.text for one in McapReader(path).messages() if one.topic == "/run/marker"]
+
+
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+@emulators
 def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_path: Path) -> None:
     with emulated("pedal-keyboard", PEDAL) as peer:
         config = lab(input={"marker": {"driver": "pedal"}})
@@ -259,7 +258,7 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
+@emulators
 def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) -> None:
     with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
         config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
@@ -268,8 +267,7 @@ def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) 
         )
         (line,) = EpisodeTaker(config, tmp_path / "s", operator, task="lift").take()
     assert line.step == "kept"
-    reader = McapReader(tmp_path / "s" / line.file)
-    assert [one.value.text for one in reader.messages() if one.topic == "/run/marker"] == ["1"]
+    assert marked(tmp_path / "s" / line.file) == ["1"]
 
 
 def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
@@ -291,20 +289,14 @@ def test_recordings_are_labelled_anew_and_stay_as_they_are(
     for _ in range(2):
         record(folder)
     before = [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")]
-    assert json.loads(called(capsys, "relabel", str(folder), "--task", "lift the bag", "--json")) == [
-        "trial-001.mcap",
-        "trial-002.mcap",
-    ]
+    named = json.loads(called(capsys, "relabel", str(folder), "--task", "lift the bag", "--json"))
+    assert named == ["trial-001.mcap", "trial-002.mcap"]
     called(capsys, "relabel", str(folder), "trial-002.mcap", "--task", "press the bag")
-    assert [recorded_task(folder / f"trial-00{n}.mcap") for n in (1, 2, 3)] == [
-        "lift the bag",
-        "press the bag",
-        None,
-    ]
+    tasks = [recorded_task(folder / f"trial-00{n}.mcap") for n in (1, 2, 3)]
+    assert tasks == ["lift the bag", "press the bag", None]
     assert [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")] == before
-    assert "holds no trial-009.mcap" in called(
-        capsys, "relabel", str(folder), "trial-009.mcap", "--task", "x", code=1
-    )
+    absent = ("relabel", str(folder), "trial-009.mcap", "--task", "x")
+    assert "holds no trial-009.mcap" in called(capsys, *absent, code=1)
 
 
 @pytest.mark.slow

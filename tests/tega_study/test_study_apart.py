@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
 
-from tega_study.cli.apart import report_apart
+from tega_study.cli.simulate import report_apart
 
 MOST_MB = 250
 STUDY = ["study", "simulate", "--operators", "1", "--trials", "1", "--objects", "bag", "--jobs", "1", "--out"]

@@ -39,10 +39,9 @@ BIDS_NAME = re.compile(
 def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Return a study, and the bundle of one of its sessions."""
     folder = tmp_path_factory.mktemp("made") / "study"
-    plan = make_plan(participants=3, seed=3, objects=["bag"], trials=2, simulated=True)
-    write_plan(plan, folder)
-    led(folder, plan, "p01")
-    led(folder, plan, "p02")
+    write_plan(make_plan(participants=3, seed=3, objects=["bag"], trials=2, simulated=True), folder)
+    led(folder, "p01")
+    led(folder, "p02")
     write_bundle(folder, "p01", folder.parent / "p01.zip")
     (folder / "sessions/p01/elsewhere.txt").unlink()
     return folder, folder.parent / "p01.zip"

@@ -32,8 +32,7 @@ from tega_study.observers import observer_path, read_observers, saw_whole
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import withdraw
 from tega_study.score.accounts import agreements
-from tega_study.score.clips import key_path, make_clips, read_key
-from tega_study.score.clips_coded import take_clips
+from tega_study.score.clips import key_path, make_clips, read_key, take_clips
 from tega_study.score.recorded import RecordedTrial, read_reel, recorded_trials
 
 

@@ -11,10 +11,14 @@ import msgspec
 import pytest
 
 from reference.study_bench import ScriptedDesk, quick_study
+from tega.config import check_tree
+from tega.config.calibration import load_calibration, save_calibration
 from tega.errors import DeviceUnavailableError
 from tega.records import MuscleCondition
+from tega_emulators.lab import emulated_lab
 from tega_study.analyse import analyse_study
 from tega_study.journal import JournalEvent, events_path, read_events
+from tega_study.lead.benches import LabBench
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd, RunningTask
 from tega_study.lead.session import lead_session
@@ -139,11 +143,6 @@ class _Looking(ScriptedDesk):
 @pytest.mark.skipif(os.name == "nt", reason="the emulated amplifier is behind a pseudo terminal")
 def test_an_emulated_session_keeps_the_muscles_frequency_of_each_trial(tmp_path: Path) -> None:
     pytest.importorskip("foxglove")
-    from tega.config import check_tree
-    from tega.config.calibration import load_calibration, save_calibration
-    from tega_emulators.lab import emulated_lab
-    from tega_study.lead.benches import LabBench
-
     folder = tmp_path / "study"
     quick_study(folder, seed=1)
     lab_folder = tmp_path / "lab"

@@ -7,7 +7,6 @@ import os
 import subprocess
 import sys
 import time
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -20,16 +19,13 @@ pytest.importorskip("foxglove")
 pytest.importorskip("mujoco")
 pytest.importorskip("tega_figures")
 
+from reference.processes import in_terminal  # noqa: E402
 from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, rendered  # noqa: E402
 from reference.written import boris_project  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
 from tega_scene.layout import save_layout  # noqa: E402
 from tega_scene.lens import save_lens  # noqa: E402
-from tega_study.journal import (  # noqa: E402
-    JournalEvent,
-    events_path,
-    read_events,
-)
+from tega_study.journal import JournalEvent, events_path, read_events  # noqa: E402
 from tega_study.lead.tell import board_path, read_board  # noqa: E402
 from tega_study.observers import CAMERA, measured_path  # noqa: E402
 from tega_study.plan import make_plan, read_plan, write_plan  # noqa: E402
@@ -89,31 +85,18 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
 
 def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]) -> None:
     """Lead a session in a terminal, as somebody who looks at the screen and presses keys."""
-    import pty
-
     now = lab / "now.avi"
     camera = {
         "name": "front", "source": str(now), "width": SMALL.width, "height": SMALL.height, "rate_hz": RATE_HZ,
         "lens": str(lab / "front.json"), "layout": str(lab / "tags.toml"),
     }  # fmt: skip
     message = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
-    words = [sys.executable, "-m", "tega.ui.cli", "study", "run", str(folder), person, "--emulated",
-             "--time-scale", "0.1",
-             "--set", f"scene=[{{ {message} }}]"]  # fmt: skip
-    ours, theirs = pty.openpty()
-    with ExitStack() as stack:
-        stack.callback(os.close, ours)
-        process = subprocess.Popen(
-            words, stdin=theirs, stdout=theirs, stderr=theirs, env={**os.environ, "TERM": "xterm-256color"}
-        )
-        stack.callback(process.wait)
-        stack.callback(process.kill)
-        os.close(theirs)
-        displayed, marked = b"", set[tuple[int, int]]()
-        end_s = time.monotonic() + 300
+    words = ["--emulated", "--time-scale", "0.1", "--set", f"scene=[{{ {message} }}]"]
+    with in_terminal("study", "run", folder, person, *words) as (process, ours, drawn):
+        marked, end_s = set[tuple[int, int]](), time.monotonic() + 300
         while process.poll() is None:
-            assert time.monotonic() < end_s, displayed[-4000:].decode(errors="replace")
-            displayed += drained(ours)
+            assert time.monotonic() < end_s, drawn()[-4000:].decode(errors="replace")
+            drawn()
             board = read_board(board_path(folder, person))
             if board is None:
                 continue
@@ -135,22 +118,8 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
                     os.write(ours, b"  " if kind == "lift" else b"x")
                     marked.add((board.trial, board.attempt))
             time.sleep(0.2)
-        displayed += drained(ours)
-        assert process.returncode == 0, displayed[-4000:].decode(errors="replace")
-        assert b"scores the trials by rule" in displayed
-
-
-def drained(fd: int) -> bytes:
-    """Return what the screen was given meanwhile."""
-    import select
-
-    found = b""
-    while select.select([fd], [], [], 0.01)[0]:
-        try:
-            found += os.read(fd, 65536)
-        except OSError:  # it has ended
-            break
-    return found
+        assert process.returncode == 0, drawn()[-4000:].decode(errors="replace")
+        assert b"scores the trials by rule" in drawn()
 
 
 def tega(*words: object) -> Any:
@@ -268,15 +237,11 @@ def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
     project.write_text(json.dumps(tree), encoding="utf-8")
     opened = boris_project(project, media=True)  # by BORIS' own code, where that is installed
     assert opened is None or len(opened["observations"]) == 4
-    assert tega("study", "clips", folder, "--rater", "r1", "--take", project)["trials"] == {
-        "p01": 2,
-        "p02": 2,
-    }
+    taken = tega("study", "clips", folder, "--rater", "r1", "--take", project)
+    assert taken["trials"] == {"p01": 2, "p02": 2}
     pairs = tega("study", "score", folder, "--tolerance-s", "1")["agreements"]
-    both = [
-        one for one in pairs if {one["a"], one["b"]} == {CAMERA, "r1"} and one["kind"] in {"slip", "drop"}
-    ]
-    assert {(one["kind"], one["f1"]) for one in both} == {("slip", 1.0), ("drop", 1.0)}
+    both = {(one["kind"], one["f1"]) for one in pairs if {one["a"], one["b"]} == {CAMERA, "r1"}}
+    assert {("slip", 1.0), ("drop", 1.0)} <= both
     assert "camera" in Path(tega("study", "report", folder)["page"]).read_text(encoding="utf-8")
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from reference.processes import until
-from reference.study_bench import Experimenter, StandingBench, events_of, kinds, study
+from reference.study_bench import Experimenter, LiftingBench, StandingBench, events_of, kinds, study
 from tega.errors import InvalidValueError
 from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study
@@ -22,12 +22,11 @@ from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import ENTER, LineDesk, Screen
 from tega_study.lead.questions import KEYS, QUESTIONS, BlockQuestions, answer_of, blocks_to_ask, raw_tlx
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
-from tega_study.lead.running_trial import Going
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import board_path, read_board
 from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
-from tega_study.plan import PlannedTrial, read_plan
+from tega_study.plan import read_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import read_reel, recorded_trials
 from tega_study.state import derive, rehearsed, resume
@@ -184,30 +183,13 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
     assert [event.kind for event in events_of(folder)][-1] == "trial_end"
 
 
-class _Lifting(StandingBench):
-    """Devices on which every object is lifted and held."""
-
-    sees_height = True
-
-    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:  # noqa: ARG002
-        going.notify("armed", "stands ready")
-        while not going.over() and not going.may_go():
-            time.sleep(0.001)
-        going.begin(0)
-        time.sleep(0.2)  # so that the experimenter sees the trial, and can press a key in it
-        for t_ms in range(0, 1500, 50):
-            going.observe("height", t_ms * 1_000_000, 0.25)
-        while not going.over():
-            time.sleep(0.001)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("last", [False, True])
 def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool, tmp_path: Path) -> None:
     """The first of a block, or the last of the session; the report says which, and why."""
     folder = study(tmp_path, trials=2)
     desk = _Repeating(after=4 if last else 1)
-    state = lead_session(folder, "p01", _Lifting(own_time=True), desk, time_scale=0.001)
+    state = lead_session(folder, "p01", LiftingBench(), desk, time_scale=0.001)
     assert state.next is None
     ran = [(e.trial, e.attempt) for e in events_of(folder) if e.kind == "trial_start"]
     block = [trial.trial for trial in read_plan(folder).of("p01") if trial.block == 1]
@@ -235,7 +217,7 @@ def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: b
     folder = study(tmp_path, trials=2)
     end = RestTaskEnd("it is at its start")
 
-    class Moving(_Lifting):
+    class Moving(LiftingBench):
         rest_tasks: Any = (RestTask("h", "to its start", "note", lambda _running: end, after_trials=True),)
 
     desk = Experimenter()
@@ -319,7 +301,7 @@ class _Repeating(Experimenter):
 
 def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path) -> None:
     folder = study(tmp_path, trials=2)
-    lead_session(folder, "p01", _Lifting(own_time=True), _Repeating(after=9), time_scale=0.001, trials=2)
+    lead_session(folder, "p01", LiftingBench(), _Repeating(after=9), time_scale=0.001, trials=2)
     with Journal(events_path(folder, "p01")) as journal:
         journal.add("redo", t_ns=journal.events[-1].t_ns, trial=1, text="the gel came off")
         assert derive(read_plan(folder).of("p01"), journal.events).next == (1, 2)

@@ -10,9 +10,9 @@ import msgspec
 import pytest
 
 from reference.command import call
+from reference.study_bench import led
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
 from tega_study.bundle import open_bundle, write_bundle
-from tega_study.journal import Journal, events_path
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export
 from tega_study.study_notes import OBJECTS, ObjectFacts, note_object, read_objects
@@ -23,14 +23,8 @@ PHOTO = b"\xff\xd8\xff\xe0" + bytes(200)
 @pytest.fixture
 def study(tmp_path: Path) -> Path:
     folder = tmp_path / "study"
-    plan = make_plan(participants=1, objects=["bottle", "bag"], trials=1, simulated=True)
-    write_plan(plan, folder)
-    with Journal(events_path(folder, "p01")) as journal:
-        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
-        for trial in plan.of("p01"):
-            at_ns = trial.trial * 10**11
-            journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
-            journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)
+    write_plan(make_plan(participants=1, objects=["bottle", "bag"], trials=1, simulated=True), folder)
+    led(folder, "p01", recorded=False)
     return folder
 
 

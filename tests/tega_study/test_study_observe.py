@@ -5,17 +5,15 @@ from __future__ import annotations
 
 import asyncio
 import os
-import subprocess
-import sys
 import time
 from collections.abc import Awaitable, Callable
-from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
 
+from reference.processes import in_terminal, until
 from tega.errors import DeviceUnavailableError, InvalidValueError
-from tega_study.journal import Journal, events_path, read_events
+from tega_study.journal import Journal, read_events
 from tega_study.lead.tell import SessionBoard, board_path, write_board
 from tega_study.observe.observing import Observing
 from tega_study.observers import observer_path, read_observers, saw_whole
@@ -231,51 +229,17 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
 @pytest.mark.skipif(os.name == "nt", reason="a pseudo terminal")
 def test_it_works_in_a_real_terminal(folder: Path) -> None:
     pytest.importorskip("textual")
-    import pty
-
     main = begin(folder, time.monotonic_ns())
     main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
     path = observer_path(folder, "p01", "r1")
-    ours, theirs = pty.openpty()
-    words = [sys.executable, "-m", "tega.ui.cli", "study", "observe", str(folder), "p01"]
-    environment = {**os.environ, "TERM": "xterm-256color"}
-    with ExitStack() as stack:
-        stack.callback(main.close)
-        process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, env=environment)
-        stack.callback(process.wait)
-        stack.callback(process.kill)
-        os.close(theirs)
-
-        def until(done: Callable[[], bool]) -> None:
-            end_s = time.monotonic() + 60
-            while not done():
-                assert time.monotonic() < end_s
-                assert process.poll() is None
-                drain(ours)
-
-        until(lambda: "trial_start" in kinds(path))
-        os.write(ours, b"sd")
-        until(lambda: "deformation" in kinds(path))
-        os.write(ours, b"u")
-        until(lambda: "undo" in kinds(path))
+    with in_terminal("study", "observe", folder, "p01") as (process, ours, drawn):
+        for keys, kind in ((b"", "trial_start"), (b"sd", "deformation"), (b"u", "undo")):
+            os.write(ours, keys)
+            until(lambda kind=kind: bool(drawn()) and kind in kinds(path))  # type: ignore[misc]
         for _ in range(2):  # apart, or it would be one key held down
             os.write(ours, b"q")
             time.sleep(0.3)
-        end_s = time.monotonic() + 60
-        while process.poll() is None and time.monotonic() < end_s:
-            drain(ours)
+        until(lambda: bool(drawn()) and process.poll() is not None)
         assert process.returncode == 0
-    os.close(ours)
+    main.close()
     assert kinds(path) == ["session_start", "trial_start", "slip", "deformation", "undo"]
-    assert events_path(folder, "p01").exists()
-
-
-def drain(fd: int) -> None:
-    """Read what the console draws, so that it does not wait for somebody to."""
-    import select
-
-    if select.select([fd], [], [], 0.05)[0]:
-        try:
-            os.read(fd, 65536)
-        except OSError:  # it has ended
-            time.sleep(0.05)

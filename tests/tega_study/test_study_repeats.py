@@ -13,8 +13,9 @@ from tega.errors import DeviceUnavailableError
 from tega.ui.cli.main import cli
 from tega_study.journal import events_path, read_events
 from tega_study.lead.experimenter import ENTER, Screen
+from tega_study.lead.running_trial import Going
 from tega_study.lead.session import lead_session
-from tega_study.plan import read_plan
+from tega_study.plan import PlannedTrial, read_plan
 from tega_study.state import derive
 from tega_study.trials import study_trials
 
@@ -76,20 +77,18 @@ def test_a_trial_is_given_up_by_key_and_the_end_says_so(tmp_path: Path) -> None:
     assert (row["over"], row["without_data"]) == (2, [1, 2])
     assert message in displayed
     trials = study_trials(folder)[1]
-    assert [(trial.status, trial.counts) for trial in trials] == [
-        ("skipped", False),
-        ("aborted_safety", False),
-    ]
+    found = [(trial.status, trial.counts) for trial in trials]
+    assert found == [("skipped", False), ("aborted_safety", False)]
 
 
 class _Broken(StandingBench):
     """Devices that stop in every trial."""
 
-    def run(self, trial: object, going: object, folder: Path) -> None:  # noqa: ARG002
-        going.notify("armed", "")  # type: ignore[attr-defined]
-        while not going.may_go():  # type: ignore[attr-defined]
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        going.notify("armed", "")
+        while not going.may_go():
             pass
-        going.begin(0)  # type: ignore[attr-defined]
+        going.begin(0)
         raise DeviceUnavailableError("the amplifier is gone")
 
 

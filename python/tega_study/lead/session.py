@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -92,46 +93,32 @@ def lead_session(
     clock = SystemClock() if clock is None else clock
     journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns(), where=bench.where)
     with journal:
-        lead = _Lead(
-            folder,
-            plan,
-            participant,
-            journal,
-            bench=bench,
-            desk=desk,
-            clock=clock,
-            pedals=pressed,
-            options=chosen,
-        )
+        lead = _Lead(folder, plan, participant, journal, bench, desk, clock, pressed, chosen)
         try:
             return lead.run(trials)
         finally:
             lead.leave()
 
 
+@dataclass
 class _Lead:
-    def __init__(
-        self,
-        folder: Path,
-        plan: StudyPlan,
-        participant: str,
-        journal: Journal,
-        *,
-        bench: TrialBench,
-        desk: Desk,
-        clock: Clock,
-        pedals: dict[str, tuple[str, ...]],
-        options: LeadOptions,
-    ) -> None:
-        self._folder, self._plan, self._participant = folder, plan, participant
-        self._mine = plan.of(participant)
-        self._journal, self._bench, self._desk, self._clock = journal, bench, desk, clock
-        self._pedals = pedals
-        self._task, self._scale, self._answer_key, self._auto, self._masking, self._stop = options
-        self._before = TrialBefore(journal, desk, clock)
-        self._telling = Telling(desk, board_path(folder, participant))
-        self._reported = CommandFile(commands_path(folder, participant), clock)
-        self._led: LedTrial | None = None
+    _folder: Path
+    _plan: StudyPlan
+    _participant: str
+    _journal: Journal
+    _bench: TrialBench
+    _desk: Desk
+    _clock: Clock
+    _pedals: dict[str, tuple[str, ...]]
+    _options: LeadOptions
+    _led: LedTrial | None = None
+
+    def __post_init__(self) -> None:
+        self._mine = self._plan.of(self._participant)
+        self._task, self._scale, self._answer_key, self._auto, self._masking, self._stop = self._options
+        self._before = TrialBefore(self._journal, self._desk, self._clock)
+        self._telling = Telling(self._desk, board_path(self._folder, self._participant))
+        self._reported = CommandFile(commands_path(self._folder, self._participant), self._clock)
 
     @property
     def _state(self) -> SessionState:
@@ -198,11 +185,12 @@ class _Lead:
         now_ns = self._clock.now_ns()
         ended_ns = self._before.ended_ns(now_ns)
         until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
-        again = ", again" if attempt > 1 else ""
-        subject = (
-            "all trials are over" if trial is None else f"trial {trial.trial} of {len(self._mine)}{again}"
-        )
-        heading = f"{self._participant} · {subject}" + ("" if trial is None else f" · {trial.object}")
+        heading = f"{self._participant} · all trials are over"
+        if trial is not None:
+            again = ", again" if attempt > 1 else ""
+            heading = (
+                f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
+            )
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
@@ -239,6 +227,9 @@ class _Lead:
             )
             time.sleep(_POLL_S)
 
+    def _where(self, trial: PlannedTrial, again: str = "") -> str:
+        return f"trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
+
     def _rest_task(self, task: RestTask, heading: str) -> None:
         """Have the bench do something of a rest, and write down what came of it."""
         found = RunningTask(task).watch(
@@ -247,10 +238,7 @@ class _Lead:
         if isinstance(found, str):
             self._desk.say(f"{task.words}: {found}")
             return
-        number, attempt = self._before.which or (0, 1)
-        now_ns = self._clock.now_ns()
-        own: dict[str, Any] = {"trial": number, "attempt": attempt, "source": "auto"}
-        self._journal.add(task.kind, t_ns=now_ns, text=found.text, value=found.value, **own)
+        self._before.add(task.kind, text=found.text, value=found.value, source="auto")
         self._desk.say(f"{task.words}: {found.text or 'done'}")
 
     def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
@@ -260,16 +248,16 @@ class _Lead:
             self._folder,
             trial,
             attempt,
-            bench=self._bench,
-            journal=self._journal,
-            clock=self._clock,
-            task=self._task,
-            window_s=window_s,
-            stable=self._plan.settings.stable,
-            time_scale=self._scale,
-            beeps=self._beeps(trial, attempt),
+            self._bench,
+            self._journal,
+            self._clock,
+            self._task,
+            window_s,
+            self._plan.settings.stable,
+            self._scale,
+            self._beeps(trial, attempt),
         )
-        heading = f"{self._participant} · trial {trial.trial} of {len(self._mine)} · {trial.object}"
+        heading = f"{self._participant} · {self._where(trial)}"
         while not led.step(self._received()):
             going = led.going
             until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -11,7 +12,7 @@ from tega.errors import TegaError
 from tega.runtime.clock import Clock
 from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_M, OFF_TABLE_M, LiftRule, StableReading, success
-from tega_study.attempt_rows import touch_path, write_hand, write_touch
+from tega_study.attempt_rows import HAND, TOUCH, recording_folder, write_hand, write_touch
 from tega_study.coupling import TouchCourse, write_course
 from tega_study.journal import WITH_DATA, Journal, JournalEvent, Kind, Status, counting
 from tega_study.lead.benches import TrialBench
@@ -38,11 +39,6 @@ _OWN = {"slip", "deformation", "drop", "override", "note", "redo"}
 _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
 
 
-def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
-    """Return where an attempt is recorded: ``recordings/<person>/<trial>-a<attempt>``."""
-    return folder / "recordings" / trial.participant / f"{trial.id}-a{attempt}"
-
-
 class _TrialEnd(NamedTuple):
     """End of a trial: when, in seconds from its start, its status, and why."""
 
@@ -51,6 +47,7 @@ class _TrialEnd(NamedTuple):
     why: str = ""
 
 
+@dataclass
 class LedTrial:
     """A trial from the moment the bench starts to make ready; :meth:`step` is called until it is over.
 
@@ -65,40 +62,35 @@ class LedTrial:
         broke: What made it end before it had begun; ``""`` otherwise.
     """
 
-    def __init__(
-        self,
-        folder: Path,
-        trial: PlannedTrial,
-        attempt: int,
-        *,
-        bench: TrialBench,
-        journal: Journal,
-        clock: Clock,
-        task: Task,
-        window_s: float,
-        stable: StableReading = "begun",
-        time_scale: float = 1.0,
-        beeps: Beeps | None = None,
-    ) -> None:
-        self._folder, self.trial, self.attempt = folder, trial, attempt
-        self._bench, self._journal, self._clock = bench, journal, clock
-        self._task, self._window_s = task, window_s
-        self._countdown_ns = round(COUNTDOWN_S * time_scale * 1e9)
-        self.beeps = beeps
+    folder: Path
+    trial: PlannedTrial
+    attempt: int
+    bench: TrialBench
+    journal: Journal
+    clock: Clock
+    task: Task
+    window_s: float
+    stable: StableReading = "begun"
+    time_scale: float = 1.0
+    beeps: Beeps | None = None
+
+    def __post_init__(self) -> None:
+        """Have the bench make ready, in a thread."""
+        bench = self.bench
         self._since_ns: int | None = None
-        self._observed, self._keyed = (LiftRule(window_s=window_s, stable=stable) for _ in range(2))
+        self._observed, self._keyed = (LiftRule(window_s=self.window_s, stable=self.stable) for _ in range(2))
         self._keyed_height = not (bench.sees_height or bench.measures_height)
         self.going = Going(
-            clock,
-            feel=bench.felt(trial.condition),
+            self.clock,
+            feel=bench.felt(self.trial.condition),
             own_time=bench.own_time,
             closure=bench.closure,
             measure_lift=bench.measures_height,
         )
         self.phase, self.left_s, self.broke = "preparing", 0.0, ""
         self._kept: set[tuple[Kind, str]] = set()
-        where = recording_folder(folder, trial, attempt)
-        self._thread, self._raised = in_thread(lambda: bench.run(trial, self.going, where))
+        self._where = recording_folder(self.folder, self.trial, self.attempt)
+        self._thread, self._raised = in_thread(lambda: bench.run(self.trial, self.going, self._where))
 
     @property
     def rule(self) -> LiftRule:
@@ -156,12 +148,12 @@ class LedTrial:
         if "a" in keys or "z" in keys:
             self.break_off("broken off before it began")
             return True
-        now_ns = self._clock.now_ns()
+        now_ns = self.clock.now_ns()
         if going.state != "armed":
             self.phase, self._since_ns = "preparing", None
         else:
             self._since_ns = now_ns if self._since_ns is None else self._since_ns
-            left_ns = self._since_ns + self._countdown_ns - now_ns
+            left_ns = self._since_ns + round(COUNTDOWN_S * self.time_scale * 1e9) - now_ns
             self.phase, self.left_s = "countdown", max(left_ns, 0) / 1e9
             if left_ns <= 0:
                 going.go()
@@ -171,9 +163,8 @@ class LedTrial:
         self.phase = "trial"
         if self.beeps is not None:
             self.beeps.begin()
-        where = recording_folder(self._folder, self.trial, self.attempt)
         self._add("trial_start", 0.0, "auto")
-        where.mkdir(parents=True, exist_ok=True)
+        self._where.mkdir(parents=True, exist_ok=True)
         facts = {
             "format": "tega-study-trial",
             "trial": self.trial.id,
@@ -181,7 +172,9 @@ class LedTrial:
             "zero_ns": self.going.zero_ns,
             "started_ns": started_ns,
         }
-        write_whole(where / "trial.json", msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n")
+        write_whole(
+            self._where / "trial.json", msgspec.json.format(msgspec.json.encode(facts), indent=1) + b"\n"
+        )
 
     def _press(self, keys: list[str]) -> _TrialEnd | None:
         t_s = self.going.elapsed_s()
@@ -207,7 +200,7 @@ class LedTrial:
 
     def _mark(self, t_s: float) -> None:
         """Take in a press of space or pedal: off the table, at the height, below it again, and so on."""
-        if self._bench.sees_height:
+        if self.bench.sees_height:
             return
         up = self._keyed.lift_off_s is not None and self._keyed.since_s is None
         self._keyed_height = self._keyed_height or up
@@ -229,12 +222,12 @@ class LedTrial:
 
     def _note_beep(self, t_ns: int) -> None:
         """Write down a beep; on a bench with a time of its own, when it was asked for."""
-        at_ns = self._at(self.going.elapsed_s()) if self._bench.own_time else t_ns
-        self._journal.add("beep", t_ns=at_ns, trial=self.trial.trial, attempt=self.attempt, source="auto")
+        at_ns = self._at(self.going.elapsed_s()) if self.bench.own_time else t_ns
+        self.journal.add("beep", t_ns=at_ns, trial=self.trial.trial, attempt=self.attempt, source="auto")
 
     def _note_lift(self) -> None:
         """Keep lift-off and stable height, as observed and as keyed."""
-        observed = ARM if self._bench.measures_height else "auto"
+        observed = ARM if self.bench.measures_height else "auto"
         for rule, source in ((self._observed, observed), (self._keyed, EXPERIMENTER)):
             found: tuple[tuple[Kind, float | None], ...] = (
                 ("lift_off", rule.lift_off_s),
@@ -249,13 +242,13 @@ class LedTrial:
         verdict = self.rule.verdict(t_s)
         if self._raised:
             return _TrialEnd(t_s, "aborted_technical", _reported(self._raised[0]))
-        if verdict == "lifted" and self._task == "lift" and self.rule.held_s is not None:
+        if verdict == "lifted" and self.task == "lift" and self.rule.held_s is not None:
             return _TrialEnd(self.rule.held_s[1], "done", "lifted and held")
         if verdict == "too late":
             return _TrialEnd(t_s, "failed_task", "not lifted in time")
         if gone:
             return _TrialEnd(t_s, "done", "the bench has ended")
-        if t_s > self._window_s + PLACE_S:
+        if t_s > self.window_s + PLACE_S:
             return _TrialEnd(t_s, "done", "time is over")
         return None
 
@@ -268,12 +261,10 @@ class LedTrial:
             self._add("muscles", end.t_s, "auto", item=channel, value=round(median_hz, 2))
         course = self.going.course()
         before = course.t_s <= end.t_s
-        path = course_path(self._folder, self.trial)
+        path = course_path(self.folder, self.trial)
         write_course(path, TouchCourse(*(column[before] for column in course)))
-        where = touch_path(self._folder, self.trial.participant, self.trial.id, self.attempt)
-        write_touch(where, [row for row in self.going.touch() if row.t_s <= end.t_s])
-        rows = [row for row in self.going.hand() if row.t_s <= end.t_s]
-        write_hand(where.with_name("hand.csv"), rows)
+        write_touch(self._where / TOUCH, [row for row in self.going.touch() if row.t_s <= end.t_s])
+        write_hand(self._where / HAND, [row for row in self.going.hand() if row.t_s <= end.t_s])
         if self._raised and end.status in WITH_DATA:
             end = end._replace(status="aborted_technical", why=_reported(self._raised[0]))
         lifted = success(self.rule, (event.kind for event in self.events()))
@@ -292,15 +283,15 @@ class LedTrial:
 
     def _add(self, kind: Kind, t_s: float, source: str, **fields: Any) -> None:
         number, attempt = self.trial.trial, self.attempt
-        self._journal.add(kind, t_ns=self._at(t_s), trial=number, attempt=attempt, source=source, **fields)
+        self.journal.add(kind, t_ns=self._at(t_s), trial=number, attempt=attempt, source=source, **fields)
 
     def events(self) -> list[JournalEvent]:
         """Return the events of this attempt that still count."""
-        return counting(self._journal.events, self.trial.trial, self.attempt)
+        return counting(self.journal.events, self.trial.trial, self.attempt)
 
     def undo(self) -> JournalEvent | None:
         """Undo the experimenter's last addition to this attempt."""
-        return undo_last(self._journal, self.trial.trial, self.attempt, t_ns=self._clock.now_ns())
+        return undo_last(self.journal, self.trial.trial, self.attempt, t_ns=self.clock.now_ns())
 
 
 def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:

@@ -24,8 +24,8 @@ from tega.loop.touch import STALE_NS
 from tega.runtime.files.foreign_file import parse_json, read_foreign, read_words
 from tega.runtime.lifecycle import require
 from tega.runtime.words import number_text
+from tega_study.attempt_rows import recording_folder
 from tega_study.journal import attempts, events_path, read_events
-from tega_study.lead.trial import recording_folder
 from tega_study.plan import read_plan
 
 

@@ -19,7 +19,7 @@ import tega
 from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
-from tega.runtime.words import without_removed
+from tega.runtime.words import Removed, without_removed
 from tega_sim.operator import RulesVersion, load_parameters, people_digest
 from tega_sim.operator.person import Parameter
 from tega_sim.operator.vision import ViewName
@@ -29,6 +29,11 @@ from tega_sim.world.objects import REMOVED_FIELDS
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGE: Final = Path(tega.__file__).parent
+_NEW: Final = "simulate anew without it; the version that wrote the study reads it"
+_REMOVED: Final = {
+    **REMOVED_FIELDS,
+    "fresh": Removed("0.3", "people remember from one condition to the next", _NEW, False),  # noqa: FBT003
+}
 
 
 class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -44,9 +49,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
             older studies.
         objects: Attributes by name, as in :class:`tega_sim.world.ObjectSpec`.
         view: Sight of the hand while it held, see :data:`tega_sim.operator.VIEWS`.
-        fresh: Whether each person meets each condition as if there were no other: knowing nothing yet,
-            rested, and with the same chance in the n-th trial under each. Then outcomes are kept, and no
-            course of touch and no picture, which the arms that need no pictures would have to render.
         code_sha256: Of the program's files: people's rules, world, gel and readings; empty in older studies.
     """
 
@@ -60,7 +62,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     people_sha256: str = ""
     objects: dict[str, dict[str, Any]] = {}
     view: ViewName = "direct"
-    fresh: bool = False
     code_sha256: str = ""
 
     @property
@@ -87,7 +88,6 @@ def assume(
     settings: tuple[str, ...] = (),
     rules: RulesVersion = 3,
     view: ViewName = "direct",
-    fresh: bool = False,
 ) -> tuple[Assumptions, bytes]:
     """Return a study's assumptions, and the content of its parameter file.
 
@@ -114,7 +114,6 @@ def assume(
         people_sha256=people_digest(loaded.digest, rules),
         objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
         view=view,
-        fresh=fresh,
         code_sha256=code_sha256(),
     )
     return stated, content
@@ -144,7 +143,7 @@ def read_assumptions(folder: Path) -> Assumptions | None:
     if not path.exists():
         return None
     try:
-        stated = msgspec.convert(without_removed(parse_toml(read_words(path)), REMOVED_FIELDS), Assumptions)
+        stated = msgspec.convert(without_removed(parse_toml(read_words(path)), _REMOVED), Assumptions)
         content = read_foreign(folder / PARAMETERS, most_mib=1)
     except ConfigError as error:
         raise RecordingError(f"{path}: {error.message}", error.hint) from error

@@ -114,7 +114,6 @@ def run_sensitivity(
             preset=change.preset,
             rules=stated.rules,
             view=stated.view,
-            fresh=stated.fresh,
         )
         made.append((change, where, plan))
         if (len(made) - 1) % parts == part - 1:

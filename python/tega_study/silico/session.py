@@ -1,8 +1,7 @@
 """Simulate one person's session: a function of plan, assumptions and the study's seed only.
 
-A person remembers and tires from trial to trial, so a session is the unit of work; with the assumption ``fresh``,
-from trial to trial of one condition. A session is made in a separate folder and returned as files, so the worker
-needs no disk in common with the caller.
+A person remembers and tires from trial to trial, so a session is the unit of work. A session is made in a separate
+folder and returned as files, so the worker needs no disk in common with the caller.
 """
 
 from __future__ import annotations
@@ -85,43 +84,30 @@ def _go(job: SessionJob, folder: Path) -> None:
     specs = {name: stated.spec(name) for name in stated.objects}
     first = job.settings.objects[0]
     requested = TrialPlan.checked({"object": first, "spec": specs[first], "seed": seed, **same})
-    minds = {"": lab.person(requested)} if not stated.fresh else {}
+    mind, fatigue, t_ns = lab.person(requested), 0.0, 0
     practised: set[tuple[str, str]] = set()
-    fatigue: dict[str, float] = {}
-    t_ns = 0
     pictured: set[str] = set()
     events = events_path(folder, job.person)
     with Journal(events) as journal, events.with_name(RESULTS).open("wb") as results:
         journal.add("session_start", t_ns=0, source="auto", text=job.settings.plan_sha256)
         for trial in job.trials:
             t_ns += round(trial.rest_s * 1e9)
-            streams = None if stated.fresh else Streams()
-            requested = TrialPlan.checked(
-                {
-                    "object": trial.object,
-                    "spec": specs[trial.object],
-                    "condition": trial.condition,
-                    "seed": seed,
-                    **same,
-                }
-            )
-            # Who meets each condition afresh is another one under each, with the same chance in the n-th trial of each.
-            who, number = (trial.condition, trial.repeat) if stated.fresh else ("", trial.trial)
-            mind = minds.get(who) or minds.setdefault(who, lab.person(requested))
+            streams = Streams()
+            what = {"object": trial.object, "spec": specs[trial.object], "condition": trial.condition}
+            requested = TrialPlan.checked({**what, "seed": seed, **same})
             if (trial.object, trial.condition) not in practised:
                 practised.add((trial.object, trial.condition))
-                practise(lab, requested, mind, number)
-            lift = Lift(lab, requested, mind, number, fatigue=fatigue.get(who, 0.0), streams=streams)
+                practise(lab, requested, mind, trial.trial)
+            lift = Lift(lab, requested, mind, trial.trial, fatigue=fatigue, streams=streams)
             lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
-            fatigue[who] = lift.fatigue
+            fatigue = lift.fatigue
             result = lift.result(lift.end_s)
             results.write(msgspec.json.encode(result) + b"\n")
-            if streams is not None:
-                write_course(course_path(folder, trial), _course(streams))
+            write_course(course_path(folder, trial), _course(streams))
             _keep(journal, trial, t_ns, result)
             t_ns += round(result.duration_s * 1e9)
             felt = job.pictures and trial.condition == job.settings.conditions[0]
-            if streams is not None and felt and trial.object not in pictured:
+            if felt and trial.object not in pictured:
                 pictured.add(trial.object)
                 _picture(folder, trial, streams, lab)
 

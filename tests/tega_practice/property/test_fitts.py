@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from hypothesis import assume, given
@@ -13,30 +14,11 @@ from tega_practice.fitts import CONDITIONS, FittsCondition, Movement, fitts_scor
 from tega_practice.live import FittsCourse, FittsMovement, Target, fitts_plan
 
 
-def moved(
-    start: float,
-    end: float | None,
-    *,
-    time_s: float = 1.0,
-    width: float = 0.2,
-    centre: float = 0.75,
-    path: float | None = None,
-    overshoots: int = 0,
-    distance: float = 0.5,
-) -> Movement:
+def moved(start: float, end: float | None, **more: Any) -> Movement:
+    """Return a movement of a second to 0.75 ± 0.1, straight to its end."""
     entry = start if end is None else end
-    return Movement(
-        distance=distance,
-        width=width,
-        centre=centre,
-        start=start,
-        entry=entry,
-        endpoint=end,
-        time_s=time_s,
-        path=abs(entry - start) if path is None else path,
-        overshoots=overshoots,
-        inside_at_start=False,
-    )
+    straight = Movement(0.5, 0.2, 0.75, start, entry, end, 1.0, abs(entry - start), 0, inside_at_start=False)
+    return straight._replace(**more)
 
 
 def only(movements: list[Movement], step: float = 0.0) -> FittsCondition:
@@ -154,14 +136,8 @@ def test_any_course_of_the_cursor_gives_figures_within_their_ranges(cursor: list
 
 
 def test_a_target_is_hit_by_dwelling_in_it() -> None:
-    course = FittsCourse(
-        [
-            FittsMovement(Target(0.5, 0.2), 0.5, counts=True),
-            FittsMovement(Target(0.0, 0.2), 0.5, counts=True),
-        ],
-        dwell_s=0.2,
-        timeout_s=5.0,
-    )
+    requested = [FittsMovement(Target(centre, 0.2), 0.5, counts=True) for centre in (0.5, 0.0)]
+    course = FittsCourse(requested, dwell_s=0.2, timeout_s=5.0)
     cursor = [0.0, 0.3, 0.45, 0.65, 0.55, 0.48, 0.5]
     for n, closure in enumerate(cursor):
         course.take(0.1 * n, closure)

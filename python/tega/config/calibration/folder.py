@@ -14,7 +14,7 @@
         people/p01/before/                  the files that those replaced, with their dates
         people/p01/practice/                scores, see tega_learn.logs
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
-        people/p01/vest-skill/              scores of vest tests, see tega_practice.vest_kept
+        people/p01/vest-skill/              scores of vest tests, see tega_practice.kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.loop.worn_vest
         people/p01/unfinished.json          a calibration that was interrupted
 """

@@ -1,13 +1,15 @@
-"""Practise, test closure with Fitts' targets, and compare the results: ``practice``, ``emg fitts``, ``emg skill``."""
+"""Practise, test, and compare the results: ``practice``, ``emg fitts``, ``emg skill`` and ``vest learn``."""
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import click
 
 from tega.ui.cli.options import (
     NAMES,
+    all_options,
     calibrated_person_option,
     echo_json,
     json_option,
@@ -16,22 +18,20 @@ from tega.ui.cli.options import (
 )
 from tega.ui.cli.page import view_options
 
+_shown = partial(click.option, show_default=True)
+_settings = click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+_seed = _shown("--seed", type=int, default=0, help="Seed of what is left to chance: curve or order.")
+_yes = click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
+_guided = all_options(_seed, _yes, sets_option, view_options, json_option)
+
 
 @click.command(epilog="Example: tega-teleop practice lab.toml --person p01 --seconds 60")
-@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@_settings
 @calibrated_person_option
-@click.option(
-    "--seconds",
-    type=click.FloatRange(10, 600),
-    default=60.0,
-    show_default=True,
-    help="How long the practice lasts, seconds.",
+@_shown(
+    "--seconds", type=click.FloatRange(10, 600), default=60.0, help="How long the practice lasts, seconds."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the target's curve.")
-@click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
-@sets_option
-@view_options
-@json_option
+@_guided
 def practice(
     *,
     settings: Path,
@@ -63,51 +63,26 @@ def practice(
             tone="good",
         )
     if as_json:
-        echo_json(
-            {
-                "person": person,
-                "decoder": record.decoder,
-                "seconds": seconds,
-                "seed": seed,
-                "in_target_percent": record.in_target_percent,
-                "rms_error_levels": record.rms_error_levels,
-                "delay_s": record.delay_s,
-                "file": str(file),
-            }
-        )
+        names = ("in_target_percent", "rms_error_levels", "delay_s")
+        figures = {name: getattr(record, name) for name in names}
+        common = {"person": person, "decoder": record.decoder, "seconds": seconds, "seed": seed}
+        echo_json({**common, **figures, "file": str(file)})
 
 
 @click.command(
     epilog="Example: tega-teleop emg fitts lab.toml --person p01 --set stages.decoder.name=proportional"
 )
-@click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+@_settings
 @calibrated_person_option
-@click.option(
-    "--movements",
-    type=click.IntRange(1, 100),
-    default=6,
-    show_default=True,
-    help="Movements for each distance and width.",
-)
-@click.option(
-    "--dwell-s",
-    type=click.FloatRange(0.1, 5),
-    default=1.0,
-    show_default=True,
-    help="Seconds to stay in a target.",
-)
-@click.option(
+@_shown("--movements", type=click.IntRange(1, 100), default=6, help="Movements for each distance and width.")
+@_shown("--dwell-s", type=click.FloatRange(0.1, 5), default=1.0, help="Seconds to stay in a target.")
+@_shown(
     "--timeout-s",
     type=click.FloatRange(0.2, 60),
     default=10.0,
-    show_default=True,
     help="Seconds after which the next target comes.",
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the order.")
-@click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
-@sets_option
-@view_options
-@json_option
+@_guided
 def emg_fitts(
     *,
     settings: Path,
@@ -138,14 +113,9 @@ def emg_fitts(
     config = load_config(settings, sets=worn_by(person, sets)).config
     port = view_port if view else None
     with guided(f"TEGA Fitts test of {person}", yes=yes, get_ready_s=1.0, view_port=port) as guide:
+        times = {"dwell_s": dwell_s, "timeout_s": timeout_s}
         record, score, file = fitts_test(
-            config,
-            guide,
-            movements=movements,
-            dwell_s=dwell_s,
-            timeout_s=timeout_s,
-            seed=seed,
-            settings=str(settings),
+            config, guide, movements=movements, **times, seed=seed, settings=str(settings)
         )
         path = (
             "" if score.path_efficiency is None else f", path {100 * score.path_efficiency:.0f} % efficient"
@@ -180,11 +150,10 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
     import msgspec
 
     from tega.config.calibration.folder import CalibrationFolder
+    from tega_learn.logs import PracticeRecord
     from tega_practice.kept import FittsRecord, compare_kept, compare_tracked, kept_records
 
     home, named = CalibrationFolder(folder), decoders or ()
-    from tega_learn.logs import PracticeRecord
-
     tracked = compare_tracked(kept_records(PracticeRecord, home, person), named)
     tests = kept_records(FittsRecord, home, person)
     found = compare_kept(tests, named) if tests or not tracked else []
@@ -235,3 +204,75 @@ def _table(title: str, numbers: tuple[str, ...], rows: list[tuple[object, ...]])
         cells = ("–" if cell is None else escape(str(cell)) for cell in others)
         table.add_row(str(person or "over people"), *cells)
     Console(highlight=False, width=110).print(table)
+
+
+@click.command(
+    epilog="Example: tega-teleop vest learn lab.toml --person p01 --set stages.mapping.name=changes"
+)
+@_settings
+@click.option("--person", required=True, metavar="ID", help="Who learns: their thresholds, dose and scores.")
+@_shown("--questions", type=click.IntRange(1, 500), default=30, help="About how many questions the test has.")
+@click.option("--test-only", is_flag=True, help="Go straight to the test: show and practise nothing first.")
+@_seed
+@sets_option
+@json_option
+def learn(
+    *,
+    settings: Path,
+    person: str,
+    questions: int,
+    test_only: bool,
+    seed: int,
+    sets: tuple[str, ...],
+    as_json: bool,
+) -> None:
+    """Learn what contacts feel like on the vest: shown, practised with a staircase, then tested.
+
+    Needs the vest only. The score is kept with the person's calibration, and the vibration counts to their day. Ends
+    where motors are warm or the day is used up: a weaker vest would teach something wrong.
+
+    With --json: {"person", "mapping", "right_percent", "chance_percent", "difference_percent", "dose_s", "aspects":
+    [{aspect, asked, right, chance}], "file"}.
+    """
+    from tega.config import load_config
+    from tega.config.calibration.folder import CalibrationFolder
+    from tega.errors import CalibrationError, ConfigError
+    from tega.loop.worn_vest import dose_file, worn_vest
+    from tega.runtime.guide import Undecided
+    from tega.ui.cli.guide_page import guided
+    from tega_practice.kept import VestSkillRecord, kept_records
+    from tega_practice.vest_course import learn_vest
+
+    config = load_config(settings, sets=worn_by(person, sets)).config
+    if config.vest.driver is None:
+        raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
+    try:
+        with (
+            guided("TEGA vest lesson", yes=False, get_ready_s=1.0) as guide,
+            worn_vest(config.vest, dose_file(config.calibration)) as vest,
+        ):
+            record, file = learn_vest(
+                config, vest, guide, questions=questions, seed=seed, test_only=test_only
+            )
+    except Undecided:
+        raise CalibrationError(
+            "no answers: a lesson needs a person who answers", "run it in a terminal"
+        ) from None
+    for one in record.scores():
+        guide.say(
+            f"{one.aspect}: {100 * one.right:.0f} % right of {one.asked} (guessing: {100 * one.chance:.0f} %)"
+        )
+    guide.say(f"{record.mapping}: {record.right_percent:.0f} % right in all", tone="good")
+    kept = CalibrationFolder(file.parents[3])
+    earlier = [
+        one
+        for one in kept_records(VestSkillRecord, kept, person)
+        if one.mapping == record.mapping and one.made < record.made
+    ]
+    if earlier:
+        text = ", ".join(f"{one.right_percent:.0f} %" for one in earlier[-5:])
+        guide.say(f"Earlier tests of {person} with {record.mapping}: {text}")
+    if as_json:
+        names = ("person", "mapping", "right_percent", "chance_percent", "difference_percent", "dose_s")
+        reported = {name: getattr(record, name) for name in names}
+        echo_json({**reported, "aspects": [one._asdict() for one in record.scores()], "file": str(file)})

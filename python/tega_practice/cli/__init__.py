@@ -1,1 +1,0 @@
-"""Commands for practice: Fitts tests and vest lessons."""
