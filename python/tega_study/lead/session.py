@@ -185,12 +185,9 @@ class _Lead:
         now_ns = self._clock.now_ns()
         ended_ns = self._before.ended_ns(now_ns)
         until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
-        heading = f"{self._participant} · all trials are over"
-        if trial is not None:
-            again = ", again" if attempt > 1 else ""
-            heading = (
-                f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
-            )
+        again = ", again" if attempt > 1 else ""
+        where = "all trials are over" if trial is None else self._where(trial, again)
+        heading = f"{self._participant} · {where}"
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
