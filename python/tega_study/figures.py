@@ -70,9 +70,9 @@ def figure_7(analysis: Analysis) -> Figure:
     for row, (metric, label) in enumerate(metrics):
         for column, name in enumerate(analysis.objects):
             mine = [t for t in analysis.trials if t.counts and t.object == name]
-            found = [(t.condition, getattr(t, metric)) for t in mine]
+            known = [t for t in mine if getattr(t, metric) is not None]
             values = [
-                [float(value) for one, value in found if one == condition and value is not None]
+                [float(getattr(t, metric)) for t in known if t.condition == condition]
                 for condition in analysis.conditions
             ]
             ax = axes[row, column]
@@ -136,16 +136,9 @@ def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> d
     """
     condition = analysis.conditions[0]
     for person in dict.fromkeys(t.participant for t in analysis.trials):
-        chosen = {
-            name: [
-                t.id
-                for t in analysis.trials
-                if t.counts
-                and (t.participant, t.object, t.condition) == (person, name, condition)
-                and t.id in courses
-            ][:FIG_8_ROWS]
-            for name in analysis.objects
-        }
+        trials = [t for t in analysis.trials if t.counts and t.participant == person and t.id in courses]
+        mine = [t for t in trials if t.condition == condition]
+        chosen = {name: [t.id for t in mine if t.object == name][:FIG_8_ROWS] for name in analysis.objects}
         if all(chosen.values()):
             return chosen
     return {}
@@ -222,14 +215,12 @@ def pose_figure(analysis: Analysis) -> Figure | None:
         return None
     figure = new_figure(6.4, 0.32 * len(uses) + 1.1)
     ax = figure.subplots()
-    shades = ("#f0f0f0", "#c6dbef", "#6baed6", "#2171b5", "#08306b")
     left = np.zeros(len(uses))
     places = np.arange(len(uses))[::-1]
-    for pose in range(5):
+    style: dict[str, Any] = {"edgecolor": "black", "linewidth": 0.4}
+    for pose, shade in enumerate(("#f0f0f0", "#c6dbef", "#6baed6", "#2171b5", "#08306b")):
         share = np.array([use.dwell[pose] for use in uses])
-        ax.barh(
-            places, share, left=left, color=shades[pose], edgecolor="black", linewidth=0.4, label=str(pose)
-        )
+        ax.barh(places, share, left=left, color=shade, label=str(pose), **style)
         left += share
     ax.set_yticks(places, [f"{use.object}, {use.condition}" for use in uses], fontsize=8)
     ax.set_xlim(0, 1)

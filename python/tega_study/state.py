@@ -67,36 +67,30 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
     attempts = dict.fromkeys(status, 0)
     running: tuple[int, int] | None = None
     undone, redone = undone_numbers(events), set[int]()
+
+    def damaged(what: str, hint: str = "restore the file from a copy") -> RecordingError:
+        return RecordingError(f"event {event.n}: trial {event.trial} {what}", hint)
+
     for event in events:
         if event.kind not in {"trial_start", "trial_end", "redo"} or event.n in undone:
             continue
         if event.trial not in status:
-            raise RecordingError(
-                f"event {event.n}: trial {event.trial} is not in the plan", "restore the plan"
-            )
+            raise damaged("is not in the plan", "restore the plan")
         if event.kind == "redo":
             again = event.trial in redone or event.attempt != attempts[event.trial]
             if status[event.trial] not in WITH_DATA or again:
-                raise RecordingError(
-                    f"event {event.n}: trial {event.trial} cannot be done again",
-                    "restore the file from a copy",
-                )
+                raise damaged("cannot be done again")
             status[event.trial] = "redo"
             redone.add(event.trial)
         elif event.kind == "trial_start":
             if running is not None or event.attempt != attempts[event.trial] + 1:
-                raise RecordingError(
-                    f"event {event.n}: trial {event.trial} begins out of turn", "restore the file from a copy"
-                )
+                raise damaged("begins out of turn")
             attempts[event.trial], status[event.trial] = event.attempt, "running"
             running = event.trial, event.attempt
         else:
             skipped = running is None and event.status == "skipped" and _open(status[event.trial])
             if event.status is None or not (skipped or running == (event.trial, event.attempt)):
-                raise RecordingError(
-                    f"event {event.n}: trial {event.trial} ends that had not begun",
-                    "restore the file from a copy",
-                )
+                raise damaged("ends that had not begun")
             status[event.trial], running = event.status, None
     n_over = sum(not _open(one) for one in status.values())
     return SessionState(status, running, _next(trials, status, attempts), n_over, attempts)

@@ -79,18 +79,13 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
 
 def _sensitivity(analysis: Analysis) -> list[list[str]]:
     """Return a line a change and direction."""
-    lines = [["what", "setting", "end", *Direction.__struct_fields__]]
-    for row in analysis.sensitivity:
-        lines += [
-            [
-                row.what,
-                row.setting,
-                row.end,
-                *(_cell(getattr(one, name)) for name in Direction.__struct_fields__),
-            ]
-            for one in row.directions
-        ]
-    return lines
+    names = Direction.__struct_fields__
+    lines = [["what", "setting", "end", *names]]
+    return lines + [
+        [row.what, row.setting, row.end, *(_cell(getattr(one, name)) for name in names)]
+        for row in analysis.sensitivity
+        for one in row.directions
+    ]
 
 
 def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]:

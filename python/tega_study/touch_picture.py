@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, TypeAlias, cast
+from typing import Any, Literal, NamedTuple, TypeAlias
 
 import msgspec
 import numpy as np
@@ -108,7 +108,8 @@ def read_touch_picture(path: Path) -> FingerPicture:
     """Read a picture; ``RecordingError`` if the file is missing or damaged."""
     try:
         with np.load(io.BytesIO(read_foreign(path, most_mib=64)), allow_pickle=False) as file:
-            finger, preset = str(file["finger"]), str(file["preset"])
+            finger = str(file["finger"])
+            preset: Any = str(file["preset"])
             baseline, frame = file["baseline"], file["frame"]
             cci_max, eda_max = (float(one) for one in file["maxima"])
             known = _touch(file, frame) if "numbers" in file else None
@@ -121,9 +122,8 @@ def read_touch_picture(path: Path) -> FingerPicture:
             f"{path}: preset {preset!r}, frame {frame.dtype} {frame.shape}, baseline {baseline.shape}",
             "restore it from a copy",
         )
-    readings = cast("Preset", preset)
-    touch = _measured_now(frame, baseline, readings) if known is None else known
-    return FingerPicture(finger, readings, baseline, touch, cci_max, eda_max)
+    touch = _measured_now(frame, baseline, preset) if known is None else known
+    return FingerPicture(finger, preset, baseline, touch, cci_max, eda_max)
 
 
 def recorded_picture(folder: Path) -> FingerPicture | None:

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 
-from tega.ui.cli.options import NAMES
+from tega.ui.cli.options import NAMES, all_options, echo_json
 from tega_sim.cli.options import objects_option
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
+PATH: Final = click.Path(path_type=Path)
 FILE: Final = click.Path(path_type=Path, dir_okay=False)
 FOLDER: Final = click.Path(path_type=Path, file_okay=False)
 
 folder_argument = click.argument("folder", type=FOLDER)
 participant_argument = click.argument("participant")
 shown_option = partial(click.option, show_default=True)
+
+
+def answer(value: Any, lines: Iterable[object], *, as_json: bool) -> None:
+    """Print what a verb found: a value as JSON, or lines."""
+    if as_json:
+        echo_json(value)
+    else:
+        for line in lines:
+            click.echo(line)
 
 
 class _Shard(click.ParamType[tuple[int, int]]):
@@ -51,32 +61,26 @@ def design_options(*, seed: str, conditions: str = "") -> Callable[[_Function], 
     ``seed`` is what the seed is for, ``conditions`` further help for the conditions.
     """
     what = f"Conditions: the first is compared with the second{conditions}."
-    both = "haptic,non-haptic"
-
-    def add(function: _Function) -> _Function:
-        for option in (
-            trials_option(10),
-            shown_option("--conditions", type=NAMES, default=both, help=what),
-            objects_option,
-            shown_option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, help=seed),
-        ):
-            function = option(function)
-        return function
-
-    return add
+    return all_options(
+        shown_option("--seed", type=click.IntRange(0, 2**63 - 1), default=1, help=seed),
+        objects_option,
+        shown_option("--conditions", type=NAMES, default="haptic,non-haptic", help=what),
+        trials_option(10),
+    )
 
 
-def workers_options(function: _Function) -> _Function:
-    """Add the options for where sessions run: cores, a part for this machine, a dask cluster."""
-    dask = "Use the workers of a dask scheduler, such as tcp://host:8786."
-    for option in (
-        click.option("--dask", metavar="ADDRESS", default="", help=dask),
-        click.option(
-            "--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines."
-        ),
-        click.option(
-            "--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores."
-        ),
-    ):
-        function = option(function)
-    return function
+workers_options = all_options(
+    click.option(
+        "--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores."
+    ),
+    click.option(
+        "--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines."
+    ),
+    click.option(
+        "--dask",
+        metavar="ADDRESS",
+        default="",
+        help="Use the workers of a dask scheduler, such as tcp://host:8786.",
+    ),
+)
+"""Where sessions run: cores, a part for this machine, a dask cluster."""

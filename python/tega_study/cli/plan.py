@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.errors import InvalidValueError
-from tega.ui.cli.options import NAMES, echo_json, json_option
-from tega_study.cli.options import FILE, FOLDER, design_options, folder_argument, shown_option
+from tega.ui.cli.options import NAMES, json_option
+from tega_study.cli.options import FILE, FOLDER, answer, design_options, folder_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.plan import StudyPlan
@@ -63,16 +63,17 @@ def plan(
         raise InvalidValueError(warning, "plan more people, or add --anyway")
     write_plan(made, out)
     first = made.of(made.participants[0])
-    rests_s = sum(trial.rest_s for trial in first)
-    if as_json:
-        echo_json({"out": str(out), **msgspec.to_builtins(made.settings)})
-        return
-    click.echo(f"{out}: {len(made.participants)} people, {len(first)} trials each, seed {made.settings.seed}")
-    click.echo(f"{first[0].participant} begins with {first[0].object}, {first[0].condition}")
-    click.echo(
-        f"rests alone take {rests_s / 60:.0f} min a person; with 15 s a trial {rests_s / 60 + len(first) / 4:.0f} min"
+    rests_min = sum(trial.rest_s for trial in first) / 60
+    answer(
+        {"out": str(out), **msgspec.to_builtins(made.settings)},
+        [
+            f"{out}: {len(made.participants)} people, {len(first)} trials each, seed {made.settings.seed}",
+            f"{first[0].participant} begins with {first[0].object}, {first[0].condition}",
+            f"rests alone take {rests_min:.0f} min a person; with 15 s a trial {rests_min + len(first) / 4:.0f} min",
+        ],
+        as_json=as_json,
     )
-    if warning:
+    if warning and not as_json:
         click.echo(f"warning: {warning}", err=True)
 
 
@@ -104,42 +105,28 @@ def status(*, folder: Path, as_json: bool) -> None:
 
     made, gone = read_plan(folder), withdrawn_ids(folder)
     rows: list[dict[str, Any]] = []
-    by_person: dict[str, str] = {}
+    lines: list[str] = []
     for person in made.participants:
         mine = made.of(person)
         if person in gone:
             rows.append({"participant": person, "state": "withdrawn"})
+            lines.append(f"{person}  withdrawn ")
             continue
         events = read_events(events_path(folder, person))
         state = derive(mine, events)
         subject = "complete" if state.next is None else "under way" if events else "not begun"
-        lacks = {"without_data": list(state.without_data), "broken_off": state.broken_off}
-        row: dict[str, Any] = {
-            "participant": person,
-            "state": subject,
-            "over": state.n_over,
-            "trials": len(mine),
-            **lacks,
-        }
+        row: dict[str, Any] = {"participant": person, "state": subject, "over": state.n_over}
+        row |= {"trials": len(mine), "without_data": list(state.without_data), "broken_off": state.broken_off}
+        line = f"{person}  {subject:<10}  {state.n_over:>3} of {len(mine)}"
         if state.next is not None and events:
             number, attempt = state.next
             trial = mine[number - 1]
             row |= {"next": number, "attempt": attempt, "object": trial.object, "condition": trial.condition}
+            again = ", again" if attempt > 1 else ""
+            line += f"  next: trial {number}, {trial.object}, {trial.condition}{again}"
         rows.append(row)
-        by_person[person] = state.said()
-    if as_json:
-        echo_json({"participants": rows})
-        return
-    for row in rows:
-        text = f"{row['participant']}  {row['state']:<10}"
-        if "over" in row:
-            text += f"  {row['over']:>3} of {row['trials']}"
-        if "next" in row:
-            again = ", again" if row["attempt"] > 1 else ""
-            text += f"  next: trial {row['next']}, {row['object']}, {row['condition']}{again}"
-        if by_person.get(row["participant"]):
-            text += f"  ({by_person[row['participant']]})"
-        click.echo(text)
+        lines.append(line + (f"  ({state.said()})" if state.said() else ""))
+    answer({"participants": rows}, lines, as_json=as_json)
 
 
 @click.command(epilog="Example: tega-teleop study forms my-study --out forms")
@@ -153,12 +140,9 @@ def forms(*, folder: Path, out: Path, as_json: bool) -> None:
     """
     from tega_study.page import write_forms
 
-    paths = write_forms(folder, out)
-    if as_json:
-        echo_json({"forms": [str(path) for path in paths]})
-        return
-    for path in paths:
-        click.echo(f"{path}: complete what stands in [brackets], and have it approved")
+    paths = [str(path) for path in write_forms(folder, out)]
+    lines = [f"{path}: complete what stands in [brackets], and have it approved" for path in paths]
+    answer({"forms": paths}, lines, as_json=as_json)
 
 
 @click.command(
@@ -175,15 +159,7 @@ def forms(*, folder: Path, out: Path, as_json: bool) -> None:
 @click.option("--photo", type=FILE, help="JPEG or PNG; it is copied.")
 @json_option
 def object_(
-    *,
-    folder: Path,
-    name: str,
-    mass_g: float | None,
-    stiffness_n_per_mm: float | None,
-    friction: float | None,
-    measured: str | None,
-    photo: Path | None,
-    as_json: bool,
+    *, folder: Path, name: str, photo: Path | None, as_json: bool, **given: float | str | None
 ) -> None:
     """Record properties of one of the plan's objects in objects.toml; the report shows them.
 
@@ -193,17 +169,7 @@ def object_(
 
     from tega_study.study_notes import note_object
 
-    given: dict[str, Any] = {
-        "mass_g": mass_g,
-        "stiffness_n_per_mm": stiffness_n_per_mm,
-        "friction": friction,
-        "measured": measured,
-    }
-    changes = {key: value for key, value in given.items() if value is not None}
+    changes: dict[str, Any] = {key: value for key, value in given.items() if value is not None}
     facts = msgspec.to_builtins(note_object(folder, name, photo=photo, **changes))
-    if as_json:
-        echo_json({"object": name, **facts})
-        return
-    click.echo(
-        f"{name}: " + ", ".join(f"{key} {'not known' if v in {None, ''} else v}" for key, v in facts.items())
-    )
+    known = ", ".join(f"{key} {'not known' if v in {None, ''} else v}" for key, v in facts.items())
+    answer({"object": name, **facts}, [f"{name}: {known}"], as_json=as_json)

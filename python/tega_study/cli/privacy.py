@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import FILE, FOLDER, folder_argument, participant_argument
+from tega.ui.cli.options import json_option
+from tega_study.cli.options import FILE, FOLDER, answer, folder_argument, participant_argument
 
 
 @click.command(epilog="Example: tega-teleop study withdraw my-study p03")
@@ -29,16 +29,16 @@ def withdraw(*, folder: Path, participant: str, yes: bool, as_json: bool) -> Non
     if not yes:
         click.confirm(f"Delete everything of {participant} for good?", abort=True, err=True)
     gone = delete(folder, participant)
-    if as_json:
-        echo_json({"participant": participant, **{k: [str(p) for p in v] for k, v in gone._asdict().items()}})
-        return
-    for path in gone.deleted:
-        click.echo(f"deleted {path}")
-    for path in gone.changed:
-        click.echo(f"taken out of {path}")
-    for path in gone.left:
-        click.echo(f"not deleted, look at it by hand: {path}")
-    click.echo(f"{participant} has withdrawn; backups and earlier exports have to be deleted by hand")
+    answer(
+        {"participant": participant, **{k: [str(p) for p in v] for k, v in gone._asdict().items()}},
+        [
+            *(f"deleted {path}" for path in gone.deleted),
+            *(f"taken out of {path}" for path in gone.changed),
+            *(f"not deleted, look at it by hand: {path}" for path in gone.left),
+            f"{participant} has withdrawn; backups and earlier exports have to be deleted by hand",
+        ],
+        as_json=as_json,
+    )
 
 
 @click.command(epilog="Example: tega-teleop study export my-study --out my-study-open")
@@ -64,10 +64,8 @@ def export(*, folder: Path, out: Path, bids: bool, as_json: bool) -> None:
     from tega_study.privacy import export as copy
 
     new = copy(folder, out, key=secrets.token_hex(32))
-    if as_json:
-        echo_json({"out": str(out), "participants": len(new)})
-    else:
-        click.echo(f"{out}: {len(new)} people under new ids")
+    lines = [f"{out}: {len(new)} people under new ids"]
+    answer({"out": str(out), "participants": len(new)}, lines, as_json=as_json)
 
 
 def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
@@ -75,13 +73,12 @@ def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
     from tega_study.emg_bids.dataset import export_bids
 
     made = export_bids(folder, out)
-    if as_json:
-        runs = [path.relative_to(out).as_posix() for path in made.runs]
-        echo_json({"out": str(out), "people": made.people, "runs": runs, "left_out": made.left_out})
-        return
-    for line in made.left_out:
-        click.echo(f"left out: {line}", err=True)
-    click.echo(f"{out}: {len(made.people)} people, {len(made.runs)} runs")
+    runs = [path.relative_to(out).as_posix() for path in made.runs]
+    if not as_json:
+        for line in made.left_out:
+            click.echo(f"left out: {line}", err=True)
+    value = {"out": str(out), "people": made.people, "runs": runs, "left_out": made.left_out}
+    answer(value, [f"{out}: {len(made.people)} people, {len(runs)} runs"], as_json=as_json)
 
 
 @click.command(epilog="Example: tega-teleop study bundle my-study p01 p01.zip")
@@ -103,16 +100,14 @@ def bundle(*, folder: Path, participant: str, out: Path, bids: bool, as_json: bo
 
     manifest, left_out = write_bundle(folder, participant, out, bids=bids)
     n_bytes = sum(one.n_bytes for one in manifest.files)
-    if as_json:
-        counts = {"files": len(manifest.files), "bytes": n_bytes, "trials": len(manifest.trials)}
-        left = [str(path) for path in left_out]
-        echo_json({"out": str(out), "participant": participant, **counts, "left_out": left})
-        return
-    for path in left_out:
-        click.echo(f"left out, a link or a name that other computers refuse: {path}", err=True)
-    click.echo(
-        f"{out}: {participant}, {len(manifest.trials)} trials, {len(manifest.files)} files, {n_bytes / 1e6:.1f} MB"
-    )
+    counts = {"files": len(manifest.files), "bytes": n_bytes, "trials": len(manifest.trials)}
+    left = [str(path) for path in left_out]
+    if not as_json:
+        for path in left:
+            click.echo(f"left out, a link or a name that other computers refuse: {path}", err=True)
+    size = f"{len(manifest.trials)} trials, {len(manifest.files)} files, {n_bytes / 1e6:.1f} MB"
+    value = {"out": str(out), "participant": participant, **counts, "left_out": left}
+    answer(value, [f"{out}: {participant}, {size}"], as_json=as_json)
 
 
 @click.command("open", epilog="Example: tega-teleop study open p01.zip --out p01-session")
@@ -130,25 +125,23 @@ def open_(*, bundle: Path, out: Path | None, as_json: bool) -> None:
     folder = bundle.with_suffix("") if out is None else out
     opened = open_bundle(bundle, folder)
     manifest, trials = opened.manifest, opened.trials
-    if as_json:
-        head = {"out": str(folder), "participant": manifest.participant, "files": len(manifest.files)}
-        about = {"rehearsed": manifest.rehearsed, "written_by": manifest.written_by}
-        echo_json({**head, "trials": len(trials), "same": opened.same, **about})
-    else:
-        click.echo(
-            f"{folder}: {manifest.participant}, {len(manifest.files)} files, every hash is right; written by TEGA "
-            f"{manifest.written_by.get('tega', 'of an unknown version')}"
+    head = {"out": str(folder), "participant": manifest.participant, "files": len(manifest.files)}
+    about = {"rehearsed": manifest.rehearsed, "written_by": manifest.written_by}
+    lines = [
+        f"{folder}: {manifest.participant}, {len(manifest.files)} files, every hash is right; written by TEGA "
+        f"{manifest.written_by.get('tega', 'of an unknown version')}"
+    ]
+    if manifest.rehearsed:
+        lines.append("not data of a person: the session ran on simulated or emulated devices")
+    for condition in dict.fromkeys(trial.condition for trial in trials):
+        mine = [trial for trial in trials if trial.condition == condition and trial.counts]
+        lines.append(
+            f"  {condition}: {len(mine)} trials that count, {sum(t.success for t in mine)} successes, "
+            f"{sum(t.slips for t in mine)} slips, {sum(t.deformations for t in mine)} deformations"
         )
-        if manifest.rehearsed:
-            click.echo("not data of a person: the session ran on simulated or emulated devices")
-        for condition in dict.fromkeys(trial.condition for trial in trials):
-            mine = [trial for trial in trials if trial.condition == condition and trial.counts]
-            click.echo(
-                f"  {condition}: {len(mine)} trials that count, {sum(t.success for t in mine)} successes, "
-                f"{sum(t.slips for t in mine)} slips, {sum(t.deformations for t in mine)} deformations"
-            )
-        same = "the same" if opened.same else "NOT the same as where the bundle was written"
-        click.echo(f"{len(trials)} trials, worked out again: {same}")
-        click.echo(f"tega-teleop study report {folder} --unblind makes its tables and figures")
+    same = "the same" if opened.same else "NOT the same as where the bundle was written"
+    lines.append(f"{len(trials)} trials, worked out again: {same}")
+    lines.append(f"tega-teleop study report {folder} --unblind makes its tables and figures")
+    answer({**head, "trials": len(trials), "same": opened.same, **about}, lines, as_json=as_json)
     if not opened.same:
         sys.exit(1)

@@ -9,14 +9,14 @@ import click
 
 from tega.errors import InvalidValueError
 from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import FILE, FOLDER, shown_option
+from tega_study.cli.options import FILE, FOLDER, PATH, answer, shown_option
 
 if TYPE_CHECKING:
     from tega_study.analyse import Analysis
 
 
 @click.command(epilog="Example: tega-teleop study report my-study")
-@click.argument("source", type=click.Path(path_type=Path))
+@click.argument("source", type=PATH)
 @click.option("--out", type=FOLDER, help="Folder for report.html and report/; the study's own unless given.")
 @click.option(
     "--unblind",
@@ -92,19 +92,18 @@ def sites(*, bundles: tuple[Path, ...], out: Path | None, unblind: bool, as_json
     if out is not None:
         out.write_text(text, encoding="utf-8", newline="\n")
     rehearsed = found.sites[0].rehearsed
-    if as_json:
-        of = [{"site": s.name, "plan_sha256": s.plan_sha256, "complete": s.complete} for s in found.sites]
-        echo_json({"sites": of, "interim": found.interim, "rehearsed": rehearsed, "table1": found.rows})
-        return
-    for site in found.sites:
-        click.echo(
-            f"{site.name}: {site.complete} of {site.planned} people complete, plan {site.plan_sha256[:12]}"
-        )
+    of = [{"site": s.name, "plan_sha256": s.plan_sha256, "complete": s.complete} for s in found.sites]
+    lines = [
+        f"{site.name}: {site.complete} of {site.planned} people complete, plan {site.plan_sha256[:12]}"
+        for site in found.sites
+    ]
     if rehearsed:
-        click.echo("not data of persons: the sessions ran on simulated or emulated devices")
+        lines.append("not data of persons: the sessions ran on simulated or emulated devices")
     if found.interim:
-        click.echo("interim: conditions are compared before every plan is complete")
-    click.echo(text if out is None else f"{out}", nl=out is not None)
+        lines.append("interim: conditions are compared before every plan is complete")
+    lines.append(text.removesuffix("\n") if out is None else str(out))
+    value = {"sites": of, "interim": found.interim, "rehearsed": rehearsed, "table1": found.rows}
+    answer(value, lines, as_json=as_json)
 
 
 _SIZES = (6, 9, 12, 18, 24)
@@ -138,31 +137,22 @@ def power(*, slips: str, trials: int, tests: int, as_json: bool) -> None:
         PlannedTest("slips", mean, reference),
         *[PlannedTest("slips", reference, reference)] * (tests - 1),
     ]
-    least = least_people("slips", tests=tests)
+    least, over = least_people("slips", tests=tests), f"over {MOST_PEOPLE}"
     rows: list[dict[str, Any]] = []
+    lines = [
+        f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
+        f"Holm over {tests} tests, p < {_ALPHA:g}",
+        f"least number of people: {least or over}; with fewer no result can be significant",
+        f"people differ   for 80 %   power with {', '.join(map(str, _SIZES))} people",
+    ]
     for name, spread in SPREADS.items():
         needed = people_for(family, trials=trials, spread=spread)
         some = [power_of(family, people=n, trials=trials, spread=spread) for n in _SIZES]
-        rows.append(
-            {
-                "people_differ": name,
-                "people_for_80": None if needed is None else needed.people,
-                "power": {one.people: one.found for one in some},
-            }
-        )
-    if as_json:
-        given = {"reference": reference, "mean": mean, "trials": trials, "alpha": _ALPHA, "tests": tests}
-        echo_json({**given, "least_people": least, "rows": rows})
-        return
-    click.echo(
-        f"{reference:g} against {mean:g} per trial, {trials} trials per condition; sign-flips over people, "
-        f"Holm over {tests} tests, p < {_ALPHA:g}"
-    )
-    message = f"over {MOST_PEOPLE}" if least is None else str(least)
-    click.echo(f"least number of people: {message}; with fewer no result can be significant")
-    click.echo(f"people differ   for 80 %   power with {', '.join(map(str, _SIZES))} people")
-    for row in rows:
-        needed_text = f"over {MOST_PEOPLE}" if row["people_for_80"] is None else str(row["people_for_80"])
-        text = "  ".join(f"{found:.2f}" for found in row["power"].values())
-        click.echo(f"{row['people_differ']:<14}  {needed_text:>8}   {text}")
-    click.echo("effects seen in a small pilot are too large on average: plan for less")
+        people = needed and needed.people
+        found = {one.people: one.found for one in some}
+        rows.append({"people_differ": name, "people_for_80": people, "power": found})
+        powers = "  ".join(f"{one:.2f}" for one in found.values())
+        lines.append(f"{name:<14}  {people or over:>8}   {powers}")
+    lines.append("effects seen in a small pilot are too large on average: plan for less")
+    given = {"reference": reference, "mean": mean, "trials": trials, "alpha": _ALPHA, "tests": tests}
+    answer({**given, "least_people": least, "rows": rows}, lines, as_json=as_json)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 
@@ -13,7 +13,7 @@ from tega.config import check_tree, load_config, override_tree
 from tega.errors import MissingExtraError
 from tega.ui.cli.options import echo_json, json_option
 from tega_sim.cli.options import loop_sets
-from tega_study.cli.options import FILE, folder_argument, participant_argument, shown_option
+from tega_study.cli.options import FILE, PATH, answer, folder_argument, participant_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.lead.benches import TrialBench
@@ -26,12 +26,7 @@ if TYPE_CHECKING:
 @click.command(epilog="Example: tega-teleop study run my-study p01 --lab lab.toml")
 @folder_argument
 @participant_argument
-@click.option(
-    "--lab",
-    type=click.Path(path_type=Path),
-    metavar="LAB.toml",
-    help="Settings file of the lab's devices, as for run.",
-)
+@click.option("--lab", type=PATH, metavar="LAB.toml", help="Settings file of the lab's devices, as for run.")
 @click.option(
     "--emulated", is_flag=True, help="Run on emulated devices; only in a plan made with --simulated."
 )
@@ -74,6 +69,7 @@ if TYPE_CHECKING:
 )
 @shown_option(
     "--answer",
+    "answer_key",
     default="p",
     metavar="KEY",
     help="The key that the participant's pedal types at a beep, in a plan made with --probe.",
@@ -98,7 +94,7 @@ def run(
     sets: tuple[str, ...],
     config: Path | None,
     preset: Literal["paper", "live"],
-    answer: str,
+    answer_key: str,
     yes: bool,
     as_json: bool,
     **options: Any,
@@ -110,6 +106,7 @@ def run(
     --json: {"participant", "over", "trials", "next"}.
     """
     from tega.safety.stop import CtrlC
+    from tega_study.lead.benches import SimulatedBench
     from tega_study.lead.experimenter import desk_for
     from tega_study.lead.session import lead_session
     from tega_study.plan import read_plan
@@ -120,10 +117,16 @@ def run(
         raise click.UsageError("--config is for --simulated; --lab has settings of its own")
     plan = read_plan(folder)
     plan.of(participant)
+    if lab is not None:
+        benches = _lab_bench(folder, participant, lab, sets)
+    elif emulated:
+        benches = _emulated_bench(sets)
+    else:
+        benches = nullcontext(
+            SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))
+        )
     with (
-        _bench(
-            folder, plan, participant, lab=lab, emulated=emulated, sets=sets, preset=preset, config=config
-        ) as bench,
+        benches as bench,
         CtrlC() as stop,
         desk_for(stop, alone=yes) as desk,
         _masking(bench, plan) as masking,
@@ -133,7 +136,7 @@ def run(
             participant,
             bench,
             desk,
-            answer_key=answer,
+            answer_key=answer_key,
             auto=yes,
             masking=masking,
             stop=stop,
@@ -162,61 +165,47 @@ def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None
         yield sound
 
 
-@contextmanager
-def _bench(
-    folder: Path,
-    plan: StudyPlan,
-    participant: str,
-    *,
-    lab: Path | None,
-    emulated: bool,
-    sets: tuple[str, ...],
-    preset: Literal["paper", "live"],
-    config: Path | None,
-) -> Iterator[TrialBench]:
+def _lab_bench(
+    folder: Path, participant: str, lab: Path, sets: tuple[str, ...]
+) -> AbstractContextManager[TrialBench]:
     import json
+
+    from tega.config.person import whose
+    from tega_study.lead.benches import LabBench
+    from tega_study.privacy import note_elsewhere
+
+    loaded = load_config(lab, sets=sets)
+    file = loaded.config.calibration.file
+    if loaded.config.calibration.person is None:
+        person = (f"calibration.person={json.dumps(participant)}",)
+        mine = load_config(lab, sets=(*sets, *person))
+        _, folder_of = whose(mine.config.calibration)
+        if file is not None and not folder_of.person(participant).is_dir():
+            # The maxima are the file's; the vibration is this person's.
+            mine = load_config(lab, sets=(*sets, *person, f"calibration.file={json.dumps(str(file))}"))
+        loaded = mine
+    if loaded.config.calibration.person is not None:
+        code, calibrations = whose(loaded.config.calibration)
+        note_elsewhere(folder, participant, calibrations.person(code))
+    where: Where = "emulated" if loaded.config.session.emulated else "lab"
+    return nullcontext(LabBench(loaded.config, settings=str(lab), where=where))
+
+
+@contextmanager
+def _emulated_bench(sets: tuple[str, ...]) -> Iterator[TrialBench]:
     import tempfile
 
-    from tega_study.lead.benches import LabBench, SimulatedBench
+    from tega.runtime.lifecycle import needs_tools
+    from tega_study.lead.benches import LabBench
 
-    if lab is not None:
-        from tega.config.person import whose
-        from tega_study.privacy import note_elsewhere
+    with needs_tools("tega-teleop study run --emulated"):
+        from tega_emulators.lab import emulated_lab
 
-        loaded = load_config(lab, sets=sets)
-        file = loaded.config.calibration.file
-        if loaded.config.calibration.person is None:
-            person = (f"calibration.person={json.dumps(participant)}",)
-            mine = load_config(lab, sets=(*sets, *person))
-            _, folder_of = whose(mine.config.calibration)
-            if file is not None and not folder_of.person(participant).is_dir():
-                # The maxima are the file's; the vibration is this person's.
-                mine = load_config(lab, sets=(*sets, *person, f"calibration.file={json.dumps(str(file))}"))
-            loaded = mine
-        if loaded.config.calibration.person is not None:
-            code, calibrations = whose(loaded.config.calibration)
-            note_elsewhere(folder, participant, calibrations.person(code))
-        where: Where = "emulated" if loaded.config.session.emulated else "lab"
-        yield LabBench(loaded.config, settings=str(lab), where=where)
-    elif emulated:
-        from tega.runtime.lifecycle import needs_tools
-
-        with needs_tools("tega-teleop study run --emulated"):
-            from tega_emulators.lab import emulated_lab
-
-        with tempfile.TemporaryDirectory() as beside:
-            made_in = Path(beside)
-            with emulated_lab(
-                made_in, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")
-            ) as made:
-                origins = override_tree(made.tree, sets)
-                yield LabBench(
-                    check_tree(made.tree, origins, base=made_in).config,
-                    settings="emulated lab",
-                    where="emulated",
-                )
-    else:
-        yield SimulatedBench(plan, participant, preset=preset, settings=loop_sets(config, sets))
+    with tempfile.TemporaryDirectory() as beside:
+        made_in = Path(beside)
+        with emulated_lab(made_in, emg_hz=250.0, hand=True, vest=True, fingers=("thumb", "index")) as made:
+            config = check_tree(made.tree, override_tree(made.tree, sets), base=made_in).config
+            yield LabBench(config, settings="emulated lab", where="emulated")
 
 
 # As in tega_study.lead.tell, which takes long to import.
@@ -241,10 +230,11 @@ def tell(*, folder: Path, participant: str, command: Command, as_json: bool) -> 
 
     read_plan(folder).of(participant)
     board = give(folder, participant, command, clock=SystemClock())
-    if as_json:
-        echo_json({"participant": participant, "phase": board.phase, "trial": board.trial})
-    else:
-        click.echo(f"{participant}: {board.phase}, trial {board.trial} of {board.n_trials}")
+    answer(
+        {"participant": participant, "phase": board.phase, "trial": board.trial},
+        [f"{participant}: {board.phase}, trial {board.trial} of {board.n_trials}"],
+        as_json=as_json,
+    )
 
 
 @click.command(epilog="Example: tega-teleop study observe my-study p01 --rater r1")

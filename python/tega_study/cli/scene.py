@@ -9,7 +9,7 @@ import click
 
 from tega.ui.cli.options import echo_json, json_option
 from tega_scene.cli import optics_options, print_outcome
-from tega_study.cli.options import FILE, folder_argument, participant_argument
+from tega_study.cli.options import FILE, answer, folder_argument, participant_argument
 
 
 @click.command(
@@ -124,8 +124,5 @@ def confirm(
         )
         reported = ", ".join(one.kind for one in events) or "nothing"
         lines = [f"{participant} trial {trial}, as {rater} has it: {reported}"]
-    if as_json:
-        echo_json({"events": [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]})
-        return
-    for line in lines:
-        click.echo(line)
+    shown = [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]
+    answer({"events": shown}, lines, as_json=as_json)

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option, progress_bar
-from tega_study.cli.options import FILE, FOLDER, folder_argument, shown_option
+from tega.ui.cli.options import json_option, progress_bar
+from tega_study.cli.options import FILE, FOLDER, PATH, answer, folder_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.detecting import TrialEvents
@@ -39,17 +39,14 @@ _COLUMNS = {
     default=1.0,
     help="How far apart two events may be and still be one; 0.5 suits video, 1 suits live.",
 )
-@click.option("--boris", type=click.Path(path_type=Path), metavar="OUT.boris", help="Write a BORIS project.")
+@click.option("--boris", type=PATH, metavar="OUT.boris", help="Write a BORIS project.")
 @click.option(
-    "--elan",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Write an ELAN file for each trial into a new folder.",
+    "--elan", type=PATH, metavar="FOLDER", help="Write an ELAN file for each trial into a new folder."
 )
 @click.option(
     "--import",
     "taken",
-    type=click.Path(path_type=Path),
+    type=PATH,
     metavar="FILE",
     help="Events to import: a BORIS project (.boris, .boris.gz), its tabular or aggregated events as TSV or CSV, or an "
     "ELAN file or a folder of them.",
@@ -86,27 +83,21 @@ def score(
     written = 0 if boris is None else export_boris(folder, boris)
     n_elan = 0 if elan is None else export_elan(folder, elan)
     found = agreements(folder, tolerance_s=tolerance_s)
-    if as_json:
-        files = {"boris": None if boris is None else str(boris), "elan": None if elan is None else str(elan)}
-        echo_json({"agreements": msgspec.to_builtins(found), "imported": imported, **files})
-        return
-    for person, n in imported.items():
-        click.echo(f"{person}: {n} trials of rater {rater} taken in")
+    files = {"boris": boris and str(boris), "elan": elan and str(elan)}
+    lines = [f"{person}: {n} trials of rater {rater} taken in" for person, n in imported.items()]
     if boris is not None:
-        click.echo(f"{boris}: {written} observations")
+        lines.append(f"{boris}: {written} observations")
     if elan is not None:
-        click.echo(f"{elan}: {n_elan} ELAN files")
-    if not found:
-        click.echo("nothing to compare: two accounts of the same trials are needed, such as two raters")
-        return
-    click.echo(f"events within {tolerance_s:g} s are one; delay: second less first")
-    rows = [
-        tuple(_COLUMNS),
-        *(tuple(_cell(getattr(one, name)) for name in _COLUMNS.values()) for one in found),
-    ]
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        click.echo("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        lines.append(f"{elan}: {n_elan} ELAN files")
+    if found:
+        lines.append(f"events within {tolerance_s:g} s are one; delay: second less first")
+        cells = ([_cell(getattr(one, name)) for name in _COLUMNS.values()] for one in found)
+        rows = [list(_COLUMNS), *cells]
+        widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+        lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
+    else:
+        lines.append("nothing to compare: two accounts of the same trials are needed, such as two raters")
+    answer({"agreements": msgspec.to_builtins(found), "imported": imported, **files}, lines, as_json=as_json)
 
 
 def _cell(value: str | float | None) -> str:
@@ -138,19 +129,17 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
     from tega_study.detecting import detect_study
 
     found = detect_study(folder, participants, live=live)
-    if as_json:
-        rows = msgspec.to_builtins(found)
-        for row, one in zip(rows, found, strict=True):
-            row["events"] = [event._asdict() for event in one.events]
-            row["unobservable"] = one.unobservable
-        echo_json({"trials": rows})
-        return
-    for one in found:
+    rows = msgspec.to_builtins(found)
+    lines = []
+    for row, one in zip(rows, found, strict=True):
+        row["events"] = [event._asdict() for event in one.events]
+        row["unobservable"] = one.unobservable
         again = " again" if one.attempt > 1 else ""
-        click.echo(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
+        lines.append(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
     for subject, lacks in _LACKS.items():
         if n_lack := sum(subject in one.missing for one in found):
-            click.echo(f"{n_lack} of {len(found)} trials have no {lacks}")
+            lines.append(f"{n_lack} of {len(found)} trials have no {lacks}")
+    answer({"trials": rows}, lines, as_json=as_json)
 
 
 _LACKS = {
@@ -219,18 +208,14 @@ def clips(
         raise click.UsageError("name the folder OUT to make clips, or --take FILE.boris to take them back")
     if take is not None:
         taken = take_clips(folder, take, rater)
-        if as_json:
-            echo_json(msgspec.to_builtins(taken))
-            return
-        for person, n in taken.trials.items():
-            click.echo(f"{person}: {n} trials of rater {rater} taken in")
+        lines = [f"{person}: {n} trials of rater {rater} taken in" for person, n in taken.trials.items()]
         for source, counts in taken.proposals.items():
-            click.echo(
-                f"proposed by {source}: {', '.join(f'{n} {verdict}' for verdict, n in counts.items())}"
-            )
-        click.echo(f"added by {rater}: {taken.added}")
+            verdicts = ", ".join(f"{n} {verdict}" for verdict, n in counts.items())
+            lines.append(f"proposed by {source}: {verdicts}")
+        lines.append(f"added by {rater}: {taken.added}")
         if taken.unfinished:
-            click.echo(f"with open proposals, counted in no comparison: {', '.join(taken.unfinished)}")
+            lines.append(f"with open proposals, counted in no comparison: {', '.join(taken.unfinished)}")
+        answer(msgspec.to_builtins(taken), lines, as_json=as_json)
         return
     assert out is not None
     with progress_bar(enabled=not as_json) as displayed:
@@ -243,10 +228,12 @@ def clips(
             reported=lambda done, total: displayed("clips", done, total),
         )
     project = out / f"{rater}.boris"
-    if as_json:
-        echo_json({"project": str(project), "clips": len(key.clips), "left_out": key.left_out})
-        return
-    click.echo(f"{len(key.clips)} clips; open {project} in BORIS, save it there, then:")
-    click.echo(f"  tega-teleop study clips {folder} --rater {rater} --take {project}")
-    for line in key.left_out:
-        click.echo(f"left out: {line}")
+    answer(
+        {"project": str(project), "clips": len(key.clips), "left_out": key.left_out},
+        [
+            f"{len(key.clips)} clips; open {project} in BORIS, save it there, then:",
+            f"  tega-teleop study clips {folder} --rater {rater} --take {project}",
+            *(f"left out: {line}" for line in key.left_out),
+        ],
+        as_json=as_json,
+    )

@@ -12,10 +12,11 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import NAMES, echo_json, json_option, progress_bar
+from tega.ui.cli.options import NAMES, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 from tega_study.cli.options import (
     FOLDER,
+    answer,
     design_options,
     folder_argument,
     shown_option,
@@ -129,12 +130,11 @@ def simulate(
         )
     left = unfinished(out, plan)
     page = None if left else report_apart(out)
-    if as_json:
-        echo_json({"out": str(out), "operators": operators, "left": left, "report": page and str(page)})
-    elif left:
-        click.echo(f"{out}: {len(left)} of {operators} sessions are left to other shards")
-    else:
-        click.echo(f"{page}: simulated, {operators} people, {len(plan.trials)} trials")
+    line = f"{page}: simulated, {operators} people, {len(plan.trials)} trials"
+    if left:
+        line = f"{out}: {len(left)} of {operators} sessions are left to other shards"
+    value = {"out": str(out), "operators": operators, "left": left, "report": page and str(page)}
+    answer(value, [line], as_json=as_json)
 
 
 @click.command(epilog="Example: tega-teleop study sensitivity in-silico")
@@ -165,11 +165,8 @@ def sensitivity(*, folder: Path, vary: list[str] | None, as_json: bool, **reques
     with trials_displayed() as progress:
         left = run_sensitivity(folder, varied=vary or VARIED, progress=progress, **requested)
     page = None if unfinished(folder, read_plan(folder)) else report_apart(folder)
-    if as_json:
-        echo_json({"out": str(folder), "left": left, "report": page and str(page)})
-        return
-    if left:
-        click.echo(f"{folder}: {len(left)} changes are left to other shards")
-    click.echo(
-        f"{page}" if page else f"{folder}: the study itself is not done; its report will have the table"
+    lines = [f"{folder}: {len(left)} changes are left to other shards"] if left else []
+    lines.append(
+        str(page) if page else f"{folder}: the study itself is not done; its report will have the table"
     )
+    answer({"out": str(folder), "left": left, "report": page and str(page)}, lines, as_json=as_json)

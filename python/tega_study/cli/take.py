@@ -7,14 +7,12 @@ from pathlib import Path
 import click
 
 from tega.config import load_config
-from tega.ui.cli.options import echo_json, json_option, sets_option, worn_by
-from tega_study.cli.options import folder_argument
-
-_PATH = click.Path(path_type=Path)
+from tega.ui.cli.options import json_option, sets_option, worn_by
+from tega_study.cli.options import PATH, answer, folder_argument, shown_option
 
 
 @click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")
-@click.argument("config", type=_PATH, metavar="CONFIG.toml")
+@click.argument("config", type=PATH, metavar="CONFIG.toml")
 @folder_argument
 @click.option("--task", required=True, help="Task of the episodes, in words.")
 @click.option(
@@ -56,10 +54,9 @@ def take(
         )
         ended = taker.take(most=most)
     kept = [line.file for line in ended if line.step == "kept"]
-    if as_json:
-        echo_json({"folder": str(folder), "kept": kept, "discarded": len(ended) - len(kept)})
-        return
-    click.echo(f"{folder}: {len(kept)} kept, {len(ended) - len(kept)} discarded")
+    discarded = len(ended) - len(kept)
+    lines = [f"{folder}: {len(kept)} kept, {discarded} discarded"]
+    answer({"folder": str(folder), "kept": kept, "discarded": discarded}, lines, as_json=as_json)
 
 
 @click.command(
@@ -78,24 +75,15 @@ def relabel(*, folder: Path, files: tuple[str, ...], task: str, as_json: bool) -
     from tega.recording.mcap_folder import SessionFolder
 
     named = SessionFolder(folder).label(task, files)
-    if as_json:
-        echo_json(named)
-        return
-    click.echo(f"{task}: {', '.join(named)}")
+    answer(named, [f"{task}: {', '.join(named)}"], as_json=as_json)
 
 
 @click.command(
     epilog="Example: tega-teleop recording encode sessions/monday --quality 80 --out sessions/small"
 )
-@click.argument("session", type=_PATH)
-@click.option("--out", type=_PATH, required=True, help="Folder: new or empty.")
-@click.option(
-    "--quality",
-    type=click.IntRange(1, 100),
-    default=90,
-    show_default=True,
-    help="Quality of the JPEG pictures.",
-)
+@click.argument("session", type=PATH)
+@click.option("--out", type=PATH, required=True, help="Folder: new or empty.")
+@shown_option("--quality", type=click.IntRange(1, 100), default=90, help="Quality of the JPEG pictures.")
 @json_option
 def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
     """Copy recordings with their frames encoded as JPEG; everything else stays unchanged.
@@ -105,9 +93,5 @@ def encode(*, session: Path, out: Path, quality: int, as_json: bool) -> None:
     """
     from tega.recording.remake import encode_session
 
-    made = encode_session(session, out=out, quality=quality)
-    if as_json:
-        echo_json([str(path) for path in made])
-        return
-    for path in made:
-        click.echo(path)
+    made = [str(path) for path in encode_session(session, out=out, quality=quality)]
+    answer(made, made, as_json=as_json)

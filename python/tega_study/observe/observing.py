@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
@@ -63,10 +63,11 @@ class Observing:
         self._size, self._events = -1, list[JournalEvent]()
         self.journal = Journal(observer_path(folder, participant, rater))
         signed = plan.settings.plan_sha256
-        if any(e.kind == "session_start" and e.text != signed for e in self.journal.events):
+        starts = [event for event in self.journal.events if event.kind == "session_start"]
+        if any(event.text != signed for event in starts):
             self.journal.close()
             raise RecordingError(f"{rater}'s file belongs to another plan", "open it in its own folder")
-        if any(e.kind == "session_start" and e.item == RECORDED for e in self.journal.events):
+        if any(event.item == RECORDED for event in starts):
             self.journal.close()
             raise InvalidValueError(f"{rater} has scored recordings of this session", "use another code")
         self._came_ns = t_ns
@@ -91,10 +92,9 @@ class Observing:
         end = self._of(self._events, "trial_end", trial.trial, attempt)
         self._attend(start, end)
         running = None if end is not None else (trial, attempt, start.t_ns)
-        mine = [
-            e for e in counting(self.journal.events, trial.trial, attempt) if e.kind in {*OBSERVED, "note"}
-        ]
-        return Now(board, led, running, (trial, attempt), tuple(mine), following)
+        mine = counting(self.journal.events, trial.trial, attempt)
+        shown = tuple(event for event in mine if event.kind in {*OBSERVED, "note"})
+        return Now(board, led, running, (trial, attempt), shown, following)
 
     def press(self, kind: Kind, t_ns: int) -> str:
         """Add an event, and return why it was refused; ``""`` when it is on the disk."""
@@ -106,7 +106,7 @@ class Observing:
             end = self._of(self._events, "trial_end", trial.trial, attempt)
             if end is not None and t_ns - end.t_ns > LATE_NS:
                 return "no trial goes on"
-        self.journal.add(kind, t_ns=t_ns, trial=trial.trial, attempt=attempt, source=self.rater)
+        self._add(kind, t_ns, (trial.trial, attempt))
         return ""
 
     def undo(self, t_ns: int) -> str:
@@ -115,17 +115,14 @@ class Observing:
         if now.newest is None or not now.events:
             return "there is nothing to undo"
         trial, attempt = now.newest
-        undone = now.events[-1].n
-        self.journal.add(
-            "undo", t_ns=t_ns, trial=trial.trial, attempt=attempt, undone=undone, source=self.rater
-        )
+        self._add("undo", t_ns, (trial.trial, attempt), undone=now.events[-1].n)
         return ""
 
     def note(self, text: str, t_ns: int) -> None:
         """Add a note, to the trial that goes on or was the last where there is one."""
         now = self.check(t_ns)
-        number, attempt = (0, 1) if now.newest is None else (now.newest[0].trial, now.newest[1])
-        self.journal.add("note", t_ns=t_ns, trial=number, attempt=attempt, source=self.rater, text=text)
+        key = (0, 1) if now.newest is None else (now.newest[0].trial, now.newest[1])
+        self._add("note", t_ns, key, text=text)
 
     def close(self) -> None:
         """Close the file."""
@@ -148,16 +145,14 @@ class Observing:
         if saw is None:
             if end is not None:  # it was over before anybody looked
                 return
-            message = WHOLE if whole else PART
-            saw = self.journal.add(
-                "trial_start", t_ns=start.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=message
-            )
+            saw = self._add("trial_start", start.t_ns, key, text=WHOLE if whole else PART)
         if end is not None and self._of(mine, "trial_end", *key) is None:
             away = any(event.kind == "session_start" for event in mine[saw.n :])
-            text = PART if away or saw.text else WHOLE
-            self.journal.add(
-                "trial_end", t_ns=end.t_ns, trial=key[0], attempt=key[1], source=self.rater, text=text
-            )
+            self._add("trial_end", end.t_ns, key, text=PART if away or saw.text else WHOLE)
+
+    def _add(self, kind: Kind, t_ns: int, key: tuple[int, int], **more: Any) -> JournalEvent:
+        trial, attempt = key
+        return self.journal.add(kind, t_ns=t_ns, trial=trial, attempt=attempt, source=self.rater, **more)
 
     @staticmethod
     def _of(events: list[JournalEvent], kind: Kind, trial: int, attempt: int) -> JournalEvent | None:
