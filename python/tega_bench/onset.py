@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from tega_bench.vest_latency.log import OnsetLog
 
 
+_FILE = click.Path(path_type=Path, dir_okay=False)
+_FOLDER = click.Path(path_type=Path, file_okay=False)
 _CLICKS = 4
 _CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
 
@@ -59,18 +62,14 @@ class _Wanted(NamedTuple):
 @click.option(
     "--log",
     "log_file",
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=_FILE,
     help="Record elsewhere, such as with a phone: play the bursts and write the commands to this file.",
 )
-@click.option(
-    "--wav", type=click.Path(path_type=Path, dir_okay=False), help="Read that recording, with its --log."
-)
-@click.option(
-    "--keep", type=click.Path(path_type=Path, file_okay=False), help="Keep recording and log in this folder."
-)
+@click.option("--wav", type=_FILE, help="Read that recording, with its --log.")
+@click.option("--keep", type=_FOLDER, help="Keep recording and log in this folder.")
 @click.option(
     "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
+    type=_FOLDER,
     help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
 )
 @sets_option
@@ -130,32 +129,30 @@ def onset(
     _keep(measured, CalibrationFolder(kept), as_json=as_json)
 
 
-def _keep(measured: Iterator[tuple[OnsetRecord, str]], home: CalibrationFolder, *, as_json: bool) -> None:
+def _keep(measured: Iterator[OnsetRecord], home: CalibrationFolder, *, as_json: bool) -> None:
     import msgspec
 
     reported = []
-    for record, text in measured:
+    for record in measured:
         file = home.keep_onset(record)
         reported.append({"file": str(file), "record": msgspec.to_builtins(record)})
         if not as_json:
-            click.echo(text)
-            click.echo(f"  kept in {file}")
+            click.echo(f"{_text(record)}\n  kept in {file}")
     if as_json:
         echo_json(reported)
 
 
-def _read(wav: Path, log_file: Path) -> Iterator[tuple[OnsetRecord, str]]:
+def _read(wav: Path, log_file: Path) -> Iterator[OnsetRecord]:
     from tega_bench.vest_latency.log import read_log, read_wav
     from tega_bench.vest_latency.measure import found_in, record_of
 
     log = read_log(log_file)
-    record = record_of(found_in(*read_wav(wav), log), log)
-    yield record, _text(record)
+    yield record_of(found_in(*read_wav(wav), log), log)
 
 
 def _measure(
     wanted: _Wanted, motors: tuple[int, ...], microphone: str | None, keep: Path | None
-) -> Iterator[tuple[OnsetRecord, str]]:
+) -> Iterator[OnsetRecord]:
     from tega.setup.calibration.identify import motor_place
     from tega_bench.vest_latency.log import write_log, write_wav
     from tega_bench.vest_latency.measure import found_in, record_of
@@ -163,13 +160,8 @@ def _measure(
 
     for motor in motors:
         if len(motors) > 1 and sys.stdin.isatty():
-            click.prompt(
-                f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter",
-                default="",
-                show_default=False,
-                prompt_suffix=" ",
-                err=True,
-            )
+            text = f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter"
+            click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
         with Microphone(microphone) as ear:
             log = _played(wanted, motor)
             samples = ear.received()
@@ -177,18 +169,15 @@ def _measure(
             name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
             write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
             write_log(log, keep / f"{name}.json")
-        record = record_of(found_in(samples, ear.rate_hz, log), log)
-        yield record, _text(record)
+        yield record_of(found_in(samples, ear.rate_hz, log), log)
 
 
 def _play_for_elsewhere(wanted: _Wanted, motor: int, file: Path, *, as_json: bool) -> None:
     from tega_bench.vest_latency.log import write_log
 
-    click.echo(
-        "Begin the recording now (WAV, or convert it later), the microphone on the motor and near the "
-        f"{'keyboard' if wanted.sync == 'keys' else 'loudspeaker'}.",
-        err=True,
-    )
+    near = "keyboard" if wanted.sync == "keys" else "loudspeaker"
+    text = f"Begin the recording now (WAV, or convert it later), the microphone on the motor and near the {near}."
+    click.echo(text, err=True)
     write_log(_played(wanted, motor), file)
     if as_json:
         echo_json({"log": str(file)})
@@ -209,12 +198,9 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
     if settings.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
-    made = utc_now()
-    with ExitStack() as stack:
-        stop = stack.enter_context(CtrlC())
-        clicks = stack.enter_context(_clicker(wanted.sync, stop))
-        worn = worn_vest(settings.vest, dose_file(settings.calibration))
-        opened: Any = watched_vest(stack.enter_context(worn))
+    made, worn = utc_now(), worn_vest(settings.vest, dose_file(settings.calibration))
+    with CtrlC() as stop, _clicker(wanted.sync, stop) as clicks, worn as vest:
+        opened: Any = watched_vest(vest)
         clicks_s = clicks()
         with progress_bar() as displayed:
             bursts_s, unsent = play_bursts(
@@ -245,8 +231,6 @@ def _played(wanted: _Wanted, motor: int) -> OnsetLog:
 @contextmanager
 def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[float]]]:
     """Give what makes a few clicks and returns their times, seconds on the monotonic clock."""
-    import time
-
     if sync == "speaker":
         from tega_bench.vest_latency.microphone import Speaker
 
@@ -266,11 +250,8 @@ def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[
     with Keys() as keys:
 
         def struck() -> list[float]:
-            click.echo(
-                f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: ",
-                nl=False,
-                err=True,
-            )
+            text = f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: "
+            click.echo(text, nl=False, err=True)
             times: list[float] = []
             while len(times) < _CLICKS:
                 if stop():

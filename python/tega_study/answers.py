@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from itertools import product
 
 import msgspec
 import numpy as np
@@ -137,14 +138,8 @@ def answers(
     use = [trial for trial in trials if trial.counts and trial.id in courses]
     even = {trial.id: on_grid(courses[trial.id]) for trial in use}
     rows = [row for signal in SIGNALS for row in _by_trial(use, even, signal)]
-    order = {trial.id: place for place, trial in enumerate(use)}
-    rows.sort(key=lambda row: (SIGNALS.index(row.signal), order[row.trial]))
-    arms = [
-        arm
-        for signal in SIGNALS
-        for condition in conditions
-        if (arm := _arm(rows, use, even, signal, condition)) is not None
-    ]
+    both = [(signal, condition) for signal in SIGNALS for condition in conditions]
+    arms = [arm for one in both if (arm := _arm(rows, use, even, *one)) is not None]
     contrasts = [c for signal in SIGNALS for c in _contrasts(rows, signal, conditions)]
     return rows, arms, contrasts, _pose_use(use, even, objects, conditions)
 
@@ -153,7 +148,7 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
     groups: dict[tuple[str, str, str], list[Trial]] = {}
     for trial in use:
         groups.setdefault((trial.participant, trial.object, trial.condition), []).append(trial)
-    rows = []
+    rows = {}
     for group in groups.values():
         poses = [even[trial.id].pose for trial in group]
         touches = [getattr(even[trial.id], signal) for trial in group]
@@ -165,24 +160,22 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
             p = None
             if null and not math.isnan(found.r):
                 p = (1 + sum(r >= found.r for r in null)) / (1 + len(null))
-            rows.append(
-                TrialCoupling(
-                    trial=trial.id,
-                    participant=trial.participant,
-                    object=trial.object,
-                    condition=trial.condition,
-                    signal=signal,
-                    samples=found.n,
-                    n_eff=_number(found.n_eff),
-                    r=_number(found.r),
-                    low=_number(found.low),
-                    high=_number(found.high),
-                    r_others=_number(fisher_mean(null)),
-                    p_others=p,
-                    slope=_number(response_slope(pose, touch)),
-                )
+            rows[trial.id] = TrialCoupling(
+                trial=trial.id,
+                participant=trial.participant,
+                object=trial.object,
+                condition=trial.condition,
+                signal=signal,
+                samples=found.n,
+                n_eff=_number(found.n_eff),
+                r=_number(found.r),
+                low=_number(found.low),
+                high=_number(found.high),
+                r_others=_number(fisher_mean(null)),
+                p_others=p,
+                slope=_number(response_slope(pose, touch)),
             )
-    return rows
+    return [rows[trial.id] for trial in use]
 
 
 def _arm(
@@ -257,27 +250,25 @@ def _pose_use(
     use: Sequence[Trial], even: Mapping[str, TouchCourse], objects: Sequence[str], conditions: Sequence[str]
 ) -> list[PoseUse]:
     found = []
-    for name in objects:
-        for condition in conditions:
-            mine = [t for t in use if (t.object, t.condition) == (name, condition)]
-            poses = [even[t.id].pose for t in mine]
-            if not poses:
-                continue
-            silent = [one for t in mine if (one := _silent(t, even[t.id])) is not None]
-            shares = np.mean([dwell(pose) for pose in poses], axis=0)
-            changes = np.mean([transitions(pose) for pose in poses], axis=0)
-            found.append(
-                PoseUse(
-                    object=name,
-                    condition=condition,
-                    trials=len(poses),
-                    dwell=tuple(shares.tolist()),
-                    intermediate=float(shares[1:4].sum()),
-                    transitions=float(changes[0]),
-                    transitions_intermediate=float(changes[1]),
-                    silent=_number(_average(silent)),
-                )
-            )
+    for name, condition in product(objects, conditions):
+        mine = [t for t in use if (t.object, t.condition) == (name, condition)]
+        if not mine:
+            continue
+        poses = [even[t.id].pose for t in mine]
+        silent = [one for t in mine if (one := _silent(t, even[t.id])) is not None]
+        shares = np.mean([dwell(pose) for pose in poses], axis=0)
+        changes = np.mean([transitions(pose) for pose in poses], axis=0)
+        use_of_poses = PoseUse(
+            object=name,
+            condition=condition,
+            trials=len(poses),
+            dwell=tuple(shares.tolist()),
+            intermediate=float(shares[1:4].sum()),
+            transitions=float(changes[0]),
+            transitions_intermediate=float(changes[1]),
+            silent=_number(_average(silent)),
+        )
+        found.append(use_of_poses)
     return found
 
 

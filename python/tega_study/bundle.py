@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import os
 import shutil
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -27,7 +26,7 @@ from tega.runtime.files.whole_file import LOCK_SUFFIX, new_file
 from tega_study.emg_bids.dataset import bids_names
 from tega_study.journal import events_path, read_events
 from tega_study.lead.tell import board_path
-from tega_study.plan import read_plan
+from tega_study.plan import read_plan, whole_folder
 from tega_study.privacy import ELSEWHERE, REPORTS, check_not_led, note_elsewhere, own_name
 from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 from tega_study.state import rehearsed
@@ -232,11 +231,8 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
     ``UnsafeNameError`` if a file's name could lie outside of it, ``InvalidValueError`` if it holds something
     or there is no room, and ``RecordingError`` if a file is missing, unlisted or not as it was written.
     """
-    if os.path.lexists(out) and (not out.is_dir() or any(out.iterdir())):
-        raise InvalidValueError(f"{out}: is there already", "name a new folder")
     check_file(bundle, most_mib=_MOST_MIB)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    with _zip_of(bundle) as packed:
+    with whole_folder(out, "name a new folder") as beside, _zip_of(bundle) as packed:
         manifest = _read_manifest(packed, bundle)
         _check_names(packed, manifest, bundle.name)
         room, n_bytes = shutil.disk_usage(out.parent).free, sum(one.n_bytes for one in manifest.files)
@@ -245,19 +241,10 @@ def open_bundle(bundle: Path, out: Path) -> OpenedBundle:
                 f"{bundle.name}: holds {n_bytes / MIB:.0f} MiB, and {room / MIB:.0f} MiB are free in {out.parent}",
                 "open it on another disk",
             )
-        beside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
-        try:
-            for one in manifest.files:
-                _unpack(packed, one, path_below(beside, one.path, subject="file", source=bundle.name), bundle)
-            _check_belongs(beside, manifest, bundle.name)
-            trials = tuple(study_trials(beside)[1])
-            beside.chmod(out.parent.stat().st_mode & 0o777)
-            if out.exists():
-                out.rmdir()  # refuses if somebody has put something there meanwhile
-            beside.rename(out)
-        except BaseException:
-            shutil.rmtree(beside, ignore_errors=True)
-            raise
+        for one in manifest.files:
+            _unpack(packed, one, path_below(beside, one.path, subject="file", source=bundle.name), bundle)
+        _check_belongs(beside, manifest, bundle.name)
+        trials = tuple(study_trials(beside)[1])
     return OpenedBundle(manifest, trials)
 
 
@@ -265,9 +252,8 @@ def _zip_of(bundle: Path) -> zipfile.ZipFile:
     try:
         packed = zipfile.ZipFile(bundle)
     except zipfile.BadZipFile as error:
-        raise RecordingError(
-            f"{bundle.name}: no ZIP file, or cut short: {error}", "ask for the bundle again"
-        ) from error
+        text = f"{bundle.name}: no ZIP file, or cut short: {error}"
+        raise RecordingError(text, "ask for the bundle again") from error
     if any(entry.header_offset < 0 for entry in packed.infolist()):
         packed.close()
         raise RecordingError(f"{bundle.name}: its first bytes are missing", "ask for the bundle again")

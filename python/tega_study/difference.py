@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import product
 from typing import Literal
 
 import msgspec
@@ -198,34 +199,31 @@ class Cell(msgspec.Struct, frozen=True, kw_only=True):
 def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequence[str]) -> list[Cell]:
     """Average the trials that count, by object and condition."""
     cells = []
-    for name in objects:
-        for condition in conditions:
-            mine = [t for t in trials if t.counts and (t.object, t.condition) == (name, condition)]
-            durations = [t.duration_s for t in mine if t.duration_s is not None]
-            n_good = sum(t.success for t in mine)
-            low, high = clopper_pearson(n_good, len(mine)) if mine else (0.0, 1.0)
-            cells.append(
-                Cell(
-                    object=name,
-                    condition=condition,
-                    people=len({t.participant for t in mine}),
-                    trials=tuple(t.id for t in mine),
-                    duration_s=_mean(durations),
-                    duration_sd_s=_sd(durations),
-                    duration_success_s=_mean(
-                        [t.duration_s for t in mine if t.success and t.duration_s is not None]
-                    ),
-                    slips=_mean([t.slips for t in mine]),
-                    slips_sd=_sd([t.slips for t in mine]),
-                    slips_dispersion=_finite(dispersion([t.slips for t in mine])),
-                    deformations=_mean([t.deformations for t in mine]),
-                    deformations_sd=_sd([t.deformations for t in mine]),
-                    drops=_mean([t.drops for t in mine]),
-                    successes=n_good,
-                    success_low=low,
-                    success_high=high,
-                )
-            )
+    for name, condition in product(objects, conditions):
+        mine = [t for t in trials if t.counts and (t.object, t.condition) == (name, condition)]
+        timed = [(t.duration_s, t.success) for t in mine if t.duration_s is not None]
+        durations, slips = [t_s for t_s, _ in timed], [t.slips for t in mine]
+        n_good = sum(t.success for t in mine)
+        low, high = clopper_pearson(n_good, len(mine)) if mine else (0.0, 1.0)
+        cell = Cell(
+            object=name,
+            condition=condition,
+            people=len({t.participant for t in mine}),
+            trials=tuple(t.id for t in mine),
+            duration_s=_mean(durations),
+            duration_sd_s=_sd(durations),
+            duration_success_s=_mean([t_s for t_s, good in timed if good]),
+            slips=_mean(slips),
+            slips_sd=_sd(slips),
+            slips_dispersion=_finite(dispersion(slips)),
+            deformations=_mean([t.deformations for t in mine]),
+            deformations_sd=_sd([t.deformations for t in mine]),
+            drops=_mean([t.drops for t in mine]),
+            successes=n_good,
+            success_low=low,
+            success_high=high,
+        )
+        cells.append(cell)
     return cells
 
 

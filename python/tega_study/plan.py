@@ -11,7 +11,8 @@ import io
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
@@ -232,12 +233,8 @@ def _plan_csv(rows: Sequence[PlannedTrial]) -> bytes:
 
 def _toml(settings: StudySettings) -> str:
     fields = msgspec.to_builtins(settings)
-    for name, default in (
-        ("probe", False),
-        ("behaviours", ()),
-        ("stable", "begun"),
-        ("scored_by", "session"),
-    ):
+    later = {"probe": False, "behaviours": (), "stable": "begun", "scored_by": "session"}
+    for name, default in later.items():
         if fields[name] == default:  # then an earlier version reads the plan too
             del fields[name]
     return tree_text({"format": FORMAT, "version": VERSION, **fields})
@@ -245,33 +242,34 @@ def _toml(settings: StudySettings) -> str:
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
     """Write a plan into a new folder, whole or not at all; its trials are signed again."""
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InvalidValueError(
-            f"{folder}: is there already", "a plan is never overwritten; name a new folder"
-        )
+    settings = _signed(plan.settings, plan.trials)
+    own = {"plan.csv": _plan_csv(plan.trials), "study.toml": _toml(settings).encode()}
+    with whole_folder(folder, "a plan is never overwritten; name a new folder") as beside:
+        for name, content in {**files, **own}.items():
+            write_whole(beside / name, content, sync=True)
+
+
+@contextmanager
+def whole_folder(folder: Path, hint: str) -> Iterator[Path]:
+    """Fill a new folder, whole or not at all: that of the block takes its place at the end.
+
+    A folder that holds something is an ``InvalidValueError`` with that hint.
+    """
+    if os.path.lexists(folder) and (not folder.is_dir() or any(folder.iterdir())):
+        raise InvalidValueError(f"{folder}: is there already", hint)
     folder.parent.mkdir(parents=True, exist_ok=True)
     beside = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", dir=folder.parent))
     try:
-        settings = _signed(plan.settings, plan.trials)
-        for name, content in (
-            *files.items(),
-            ("plan.csv", _plan_csv(plan.trials)),
-            ("study.toml", _toml(settings).encode()),
-        ):
-            write_whole(beside / name, content, sync=True)
-        beside.chmod(0o777 & ~_umask())
+        yield beside
+        mask = os.umask(0)
+        os.umask(mask)
+        beside.chmod(folder.parent.stat().st_mode & 0o777 & ~mask)
         if folder.exists():
             folder.rmdir()  # refuses if somebody has put something there meanwhile
         beside.rename(folder)
     except BaseException:
         shutil.rmtree(beside, ignore_errors=True)
         raise
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def read_plan(folder: Path) -> StudyPlan:
@@ -281,38 +279,35 @@ def read_plan(folder: Path) -> StudyPlan:
     """
     import tomllib
 
+    signed, listed = folder / "study.toml", folder / "plan.csv"
+
+    def damaged(what: object, path: Path = signed, hint: str = "restore it from a copy") -> RecordingError:
+        return RecordingError(f"{path}: {what}", hint)
+
     try:
-        fields: dict[str, Any] = parse_toml(read_words(folder / "study.toml"))
-        content = read_foreign(folder / "plan.csv", most_mib=64)
+        fields: dict[str, Any] = parse_toml(read_words(signed))
+        content = read_foreign(listed, most_mib=64)
     except FileNotFoundError as error:
-        raise RecordingError(
-            f"{folder}: no study, {Path(error.filename).name} is missing",
-            "make one with tega-teleop study plan",
-        ) from error
+        missing = f"no study, {Path(error.filename).name} is missing"
+        raise damaged(missing, folder, "make one with tega-teleop study plan") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise RecordingError(f"{folder / 'study.toml'}: {error}", "restore it from a copy") from error
+        raise damaged(error) from error
     if (fields.pop("format", None), fields.pop("version", None)) != (FORMAT, VERSION):
-        raise RecordingError(f"{folder / 'study.toml'}: is no plan of this version", "name a study's folder")
+        raise damaged("is no plan of this version", hint="name a study's folder")
     try:
         settings = msgspec.convert(fields, StudySettings)
     except msgspec.ValidationError as error:
-        raise RecordingError(f"{folder / 'study.toml'}: {error}", "restore it from a copy") from error
+        raise damaged(error) from error
     if unknown := [test for test in settings.family if test not in _tests(settings.objects)]:
-        raise RecordingError(
-            f"{folder / 'study.toml'}: family: {unknown[0]!r} is no test of this study",
-            "restore it from a copy",
-        )
+        raise damaged(f"family: {unknown[0]!r} is no test of this study")
     if hashlib.sha256(content).hexdigest() != settings.plan_sha256:
-        raise RecordingError(
-            f"{folder / 'plan.csv'}: is not as it was written",
-            "a plan is never changed; restore it from a copy",
-        )
+        raise damaged("is not as it was written", listed, "a plan is never changed; restore it from a copy")
     try:
         rows = csv.DictReader(io.StringIO(content.decode()))
         trials = tuple(msgspec.convert(row, PlannedTrial, strict=False) for row in rows)
     except (msgspec.ValidationError, UnicodeDecodeError, csv.Error, TypeError) as error:
-        raise RecordingError(f"{folder / 'plan.csv'}: {error}", "restore it from a copy") from error
+        raise damaged(error, listed) from error
     for trial in trials:
         for subject in ("participant", "object", "condition"):
-            plain_name(getattr(trial, subject), subject=subject, source=str(folder / "plan.csv"))
+            plain_name(getattr(trial, subject), subject=subject, source=str(listed))
     return StudyPlan(settings, trials)

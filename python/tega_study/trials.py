@@ -127,15 +127,12 @@ def trials_of_events(
     undoes one that is not there, or that cannot be undone.
     """
     undone = set()
-    for event in events:
-        if event.kind == "undo":
-            number = event.undone or 0
-            if not 0 < number < event.n or events[number - 1].kind not in _CAN_BE_UNDONE:
-                raise RecordingError(
-                    f"{where}:{event.n}: undoes event {number}, which cannot be undone",
-                    "restore the file from a copy",
-                )
-            undone.add(number)
+    for event in (one for one in events if one.kind == "undo"):
+        number = event.undone or 0
+        if not 0 < number < event.n or events[number - 1].kind not in _CAN_BE_UNDONE:
+            text = f"{where}:{event.n}: undoes event {number}, which cannot be undone"
+            raise RecordingError(text, "restore the file from a copy")
+        undone.add(number)
     attempts: dict[int, list[list[JournalEvent]]] = {}
     for event in events:
         given_up = event.kind == "trial_end" and event.status == "skipped"
@@ -143,9 +140,7 @@ def trials_of_events(
             attempts.setdefault(event.trial, []).append([])
         if event.trial in attempts:
             attempts[event.trial][-1].append(event)
-    first = {
-        name: next(t.condition for t in planned if t.object == name) for name in {t.object for t in planned}
-    }
+    first = {trial.object: trial.condition for trial in reversed(planned)}
     trials, shares = [], squeeze_shares(events)
     by_bench = simulated and not any(
         e.kind == "session_start" and e.item in {"lab", "emulated"} for e in events
@@ -287,26 +282,26 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
             key = person, result.object, result.condition
             repeats[key] = repeats.get(key, 0) + 1
             numbers[person] = numbers.get(person, 0) + 1
-            lift_s = result.lift_off_s
+            lift_s, here = result.lift_off_s, f"{path.name}:{line}"
             slips_s = [event.t_s for event in result.events if event.kind == "slip"]
-            trials.append(
-                Trial(
-                    id=f"{path.name}:{line}",
-                    participant=person,
-                    trial=numbers[person],
-                    repeat=repeats[key],
-                    object=result.object,
-                    condition=result.condition,
-                    status="done" if result.success else "failed_task",
-                    success=result.success,
-                    slips=sum(lift_s is not None and t_s >= lift_s for t_s in slips_s),
-                    slips_before=sum(lift_s is None or t_s < lift_s for t_s in slips_s),
-                    deformations=result.deformations,
-                    drops=result.drops,
-                    counted_by="the simulation",
-                    duration_s=result.duration_s,
-                    lift_off_s=lift_s,
-                    events=(f"{path.name}:{line}",),
-                )
+            before = sum(lift_s is None or t_s < lift_s for t_s in slips_s)
+            trial = Trial(
+                id=here,
+                participant=person,
+                trial=numbers[person],
+                repeat=repeats[key],
+                object=result.object,
+                condition=result.condition,
+                status="done" if result.success else "failed_task",
+                success=result.success,
+                slips=len(slips_s) - before,
+                slips_before=before,
+                deformations=result.deformations,
+                drops=result.drops,
+                counted_by="the simulation",
+                duration_s=result.duration_s,
+                lift_off_s=lift_s,
+                events=(here,),
             )
+            trials.append(trial)
     return trials

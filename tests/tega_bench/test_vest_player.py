@@ -33,15 +33,15 @@ def test_a_host_that_is_no_address_is_told() -> None:
         make("bhaptics-player", host="[::1").open()
 
 
-@pytest.mark.parametrize("host", ["", "#"])
-def test_an_address_that_cannot_be_read_does_not_tell_the_key(host: str, tmp_path: Path) -> None:
+def test_an_address_that_cannot_be_read_does_not_tell_the_key(tmp_path: Path) -> None:
     (tmp_path / "key").write_text("s3cr3t-key")
-    options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key"}
-    with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
-        make("bhaptics-player", host=host, allow_remote=True, **options).open()
-    message = "".join(traceback.format_exception(found.value))
-    assert "s3cr3t-key" not in message
-    assert "wss:" not in message
+    options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key", "allow_remote": True}
+    for host in ("", "#"):
+        with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
+            make("bhaptics-player", host=host, **options).open()
+        message = "".join(traceback.format_exception(found.value))
+        assert "s3cr3t-key" not in message
+        assert "wss:" not in message
 
 
 @pytest.mark.parametrize("host", ["192.0.2.7", "player.example", "0.0.0.0", "", "127.0.0.1@192.0.2.7", "::2"])

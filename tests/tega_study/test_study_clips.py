@@ -248,13 +248,6 @@ def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(made: Path, tmp_path
     assert take_clips(made, tmp_path / "r2" / "r2.boris", "r2").trials == {"p01": 2}
 
 
-def test_without_recordings_there_are_no_clips(folder: Path, tmp_path: Path) -> None:
-    for path in (folder / "recordings").rglob("*.mcap"):
-        path.unlink()
-    with pytest.raises(DeviceUnavailableError, match="no recording"):
-        make_clips(folder, tmp_path / "out", "r1")
-
-
 def test_the_verb(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     message = json.loads(call(capsys, "study", "clips", folder, out, "--rater", "r1", "--json", code=0)[0])

@@ -25,7 +25,7 @@ from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, 
 from tega_sim.operator import draw_person, load_parameters
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions
 from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
-from tega_study.silico.simulate import ensure_plan, simulate, unfinished
+from tega_study.silico.simulate import simulate, unfinished
 from tega_study.touch_picture import read_touch_picture
 from tega_study.trials import study_trials
 
@@ -204,16 +204,6 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
         for shard in shards:
             simulate(tmp_path / name, operators=2, objects=["bag"], trials=1, jobs=jobs, shard=shard)
     assert files_of(tmp_path / "one") == files_of(tmp_path / "two") == files_of(tmp_path / "shards")
-
-
-def test_a_plan_is_written_once_and_found_again(tmp_path: Path) -> None:
-    from tega_study.plan import make_plan
-
-    plan = make_plan(participants=2, simulated=True)
-    ensure_plan(plan, tmp_path / "s")
-    before = files_of(tmp_path / "s")
-    ensure_plan(plan, tmp_path / "s")
-    assert files_of(tmp_path / "s") == before
 
 
 def begun(folder: Path) -> subprocess.Popen[bytes]:
