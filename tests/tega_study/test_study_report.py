@@ -6,6 +6,7 @@ import csv
 import json
 import re
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -54,6 +55,14 @@ def fill(folder: Path, *, people: int, courses: bool = True, simulated: bool = T
                     pose = np.round(2 + 2 * np.sin(t_s / 2 + random.random()))
                     touch = np.clip(np.convolve(pose, np.ones(6) / 24)[: len(t_s)], 0, 1)
                     write_course(course_path(folder, trial), TouchCourse(t_s, touch, touch**2, pose))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quick_planner() -> Iterator[None]:
+    """Draw few studies for the planner, which has tests of its own."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tega_study.power._RUNS", 20)
+        yield
 
 
 @pytest.fixture(scope="module")
