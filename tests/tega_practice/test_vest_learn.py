@@ -136,7 +136,10 @@ def test_somebody_who_knows_is_right_and_the_score_is_kept(tmp_path: Path) -> No
     assert kept_records(VestSkillRecord, CalibrationFolder(tmp_path), "p01") == [record]
     assert file.is_relative_to(tmp_path / "people" / "p01")
     assert not vest.sent[-1][1].intensities.any()
-    assert max(frame.intensities.max() for _, frame in vest.sent) > 80, "a firm touch is felt as one"
+    lesson = Lesson(config, vest, clock)
+    firm = next(aspect for aspect in lesson.aspects if aspect.name == "firmness").cues[1]
+    both = np.max([frame.x40() for _, frame in lesson.frames(firm)], axis=0)
+    assert both[:20].max() > 80 < both[20:].max(), "a firm touch is felt as one, in front and behind"
     # In the test nothing is said about right and wrong.
     test = next(n for n, message in enumerate(person.said) if message.startswith("Test:"))
     assert not any(message.startswith(("Right", "No")) for message in person.said[test:])
