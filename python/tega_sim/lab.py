@@ -32,7 +32,6 @@ from tega_sim.operator import (
     ForearmEmg,
     Operator,
     Parameters,
-    RulesVersion,
     ScriptedOperator,
     calibrate,
     clear_skin,
@@ -91,9 +90,10 @@ class Lab:
         self.baselines = {finger: _baseline(gel) for finger, gel in self.gels.items()}
         self.touch: Mapping[str, TouchMaxima] = {finger: self._press(finger) for finger in FINGERS}
 
-    def digest(self, rules: RulesVersion) -> str:
-        """Return the first digits of the SHA-256 that identifies the people who follow these rules."""
-        return people_digest(self._parameters.digest, rules)[:16]
+    @property
+    def people(self) -> str:
+        """The first digits of the SHA-256 that identifies the people."""
+        return people_digest(self._parameters.digest)[:16]
 
     def emg(self, lift: str) -> ForearmEmg:
         """Return the forearm's EMG for one lift, by its name: other lifts, other noise."""
@@ -115,7 +115,6 @@ class Lab:
             seed=self._seed,
             feels=skin != "none",
             full_effort=full_effort,
-            rules=plan.rules,
             view=plan.view,
             away_m=AWAY_M if plan.task == "place" else 0.0,
         )

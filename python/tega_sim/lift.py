@@ -232,7 +232,7 @@ class Lift:
             mean_level=self._level_sum / self._level_n if self._level_n else 0.0,
             events=tuple(scorer.events),
             simulated_s=simulated_s,
-            person=self._lab.digest(self._plan.rules) if self._plan.operator == "simulated" else "",
+            person=self._lab.people if self._plan.operator == "simulated" else "",
             placed=placed,
             off_mark_m=off_mark_m,
         )

@@ -38,8 +38,6 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
         friction: Between object and gel.
         settings: Settings of the loop, as ``key=value``: those of stages (``stages.metric.name=reading``) and
             :data:`tega.config.LOOP_KEYS`.
-        rules: Version of a simulated person's rules, see :data:`tega_sim.operator.RulesVersion`; by 2 and 3
-            the person practises with object and vest first, see :mod:`tega_sim.trial`.
         view: Sight of the hand while the object is held, see :data:`tega_sim.operator.VIEWS`.
         spec: The object, where it is none of :data:`tega_sim.world.OBJECTS`.
         task: ``lift``: up, held and put down where it stood. ``place``: carried to a second marked place
@@ -56,7 +54,6 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     stiffness_n_m: float | None = None
     friction: float | None = None
     settings: tuple[str, ...] = ()
-    rules: Literal[1, 2, 3] = 1
     view: ViewName = "direct"
     spec: ObjectSpec | None = None
     task: Task = "lift"
@@ -139,8 +136,8 @@ class TrialResult(TrialPlan, frozen=True, kw_only=True):
         deformation_m: Largest narrowing.
         mean_level: Mean closure level from lift-off until it was put down; 0 without lift-off.
         simulated_s: Time simulated, practice included.
-        person: First digits of the SHA-256 of the people's parameters and, from version 2, the version of
-            their rules; empty without a simulated person.
+        person: First digits of the SHA-256 of the people's parameters and the version of their rules; empty
+            without a simulated person.
         placed: Task ``place``: whether it stands upright within 20 mm of the second mark, let go of and not
             dropped; ``None`` in other tasks.
         off_mark_m: How far from that mark it is in the end.

@@ -6,9 +6,8 @@ are those of a run with devices. Example::
     from tega_sim.trial import TrialPlan, run_trial
     run_trial(TrialPlan(object="bag", condition="haptic", seed=1)).slips
 
-Persons of the second version of the rules practise before: they feel the vest level by level. The practice runs on the
-bench, not on the one-dimensional plant: the vest's frame at a closure depends on object, hand and metric, and a person
-who was taught the plant's map would be taught a wrong one. A script without error holds each level on the object,
+Persons practise before: they feel the vest level by level. The practice runs on the bench, since the vest's frame at a
+closure depends on object, hand and metric. A script without error holds each level on the object,
 standing on the table, through EMG, decoder, hand, camera frames and vest; the person watches the hand and feels the
 condition's vest. Practice causes no fatigue, and the person learns as from one run through the levels.
 """
@@ -55,15 +54,13 @@ class LevelScript(ScriptedOperator):
 
 
 def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) -> float:
-    """Let a person of the second version of the rules practise with a trial's object and vest; others do not.
+    """Let a simulated person practise with a trial's object and vest; other operators do not.
 
     A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
     Returns the time simulated, seconds.
     """
-    from tega_sim.lift import Lift
-
     arm = ARMS[plan.condition]
-    if plan.rules == 1 or not isinstance(person, Operator):
+    if not isinstance(person, Operator):
         return 0.0
     if arm.pulses or arm.sham == "off" or arm.skin == "none":
         person.practise(plan.object, lambda _t_s, _level: None)

@@ -9,8 +9,8 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
+from reference.results import trial_result
 from tega.errors import ConfigError, RecordingError
-from tega_sim.plan import TrialResult
 from tega_sim.trials import read_results
 from tega_sim.world import OBJECTS
 from tega_sim.world.objects import read_objects
@@ -43,22 +43,7 @@ def test_an_older_study_is_read_where_its_gels_did_not_give_way_and_named_where_
 
 
 def test_older_results_are_read_as_before(tmp_path: Path) -> None:
-    result = TrialResult(
-        object="bag",
-        success=True,
-        slips=1,
-        deformations=0,
-        drops=0,
-        duration_s=9.0,
-        peak_force_n=2.0,
-        lift_off_s=4.0,
-        lifted_s=6.0,
-        slid_m=0.0,
-        deformation_m=0.0,
-        mean_level=2.0,
-        events=(),
-        simulated_s=9.0,
-    )
+    result = trial_result()
     path = tmp_path / "results.jsonl"
     tree = msgspec.to_builtins(result)
     spec = msgspec.to_builtins(OBJECTS["bag"])

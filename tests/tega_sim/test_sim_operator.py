@@ -14,15 +14,8 @@ from scipy import integrate, stats
 
 from reference.plant import Grasp, grasp
 from tega.errors import ConfigError, InvalidValueError
-from tega_sim.operator import (
-    Operator,
-    PersonNumbers,
-    draw_person,
-    load_parameters,
-    sham_vest,
-    typical_person,
-)
-from tega_sim.operator.belief import Closure, ObjectBelief, above, below
+from tega_sim.operator import Operator, PersonNumbers, draw_person, load_parameters, sham_vest, typical_person
+from tega_sim.operator.belief import ObjectBelief, above, below
 from tega_sim.operator.person import stream
 from tega_sim.seams import Percept, WorldTruth
 
@@ -42,7 +35,7 @@ EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.
 
 def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
     parameters = load_parameters()
-    assert len(parameters.digest) == 64
+    assert parameters.frozen
     for _, name, p in parameters:
         assert p.low <= p.value <= p.high
         assert p.source
@@ -67,12 +60,6 @@ def test_a_parameter_file_that_is_not_right_is_refused(tmp_path: Path, old: str,
     path.write_text(FILE.read_text().replace(old, new, 1))
     with pytest.raises(ConfigError, match=text.replace(".", r"\.")):
         load_parameters(path)
-
-
-def test_another_file_has_another_digest(tmp_path: Path) -> None:
-    path = tmp_path / "parameters.toml"
-    path.write_text(FILE.read_text() + "\n")
-    assert load_parameters(path).digest != load_parameters().digest
 
 
 def test_people_differ_as_the_file_says() -> None:
@@ -115,31 +102,6 @@ def test_learning_a_bound_gives_the_moments_of_the_cut_gaussian(x: float, var: f
     assert mirrored == pytest.approx((-mean, sd), abs=1e-5)
 
 
-@pytest.mark.parametrize("slope", [0.8, -0.8])
-def test_the_sign_of_the_vest_is_learned_and_then_used(slope: float) -> None:
-    rng, closure = np.random.default_rng(4), Closure(typical_person().grip)
-    assert not closure.known("front")
-    for _ in range(6):
-        for level in (1.5, 2.5, 3.5, 4.5):
-            closure.set(level, 0.05)
-            closure.feel("front", -1.0 + slope * level + 0.2 * float(rng.standard_normal()), 0.04)
-    assert closure.known("front")
-    assert not closure.known("back")
-    assert closure.slope("front") == pytest.approx(slope, abs=0.15)
-    closure.set(3.0, 0.3)
-    closure.feel("front", -1.0 + slope * 4.0, 0.04)
-    assert 3.4 < closure.x < 4.1
-    assert closure.var < 0.2
-
-
-def test_before_it_is_learned_the_vest_says_nothing_of_closure() -> None:
-    closure = Closure(typical_person().grip)
-    closure.set(3.0, 0.3)
-    for y in (-2.0, 0.0, -1.0):
-        closure.feel("front", y, 0.04)
-    assert (closure.x, closure.var) == pytest.approx((3.0, 0.3))
-
-
 def test_beliefs_fade_between_trials_and_are_carried_to_another_object() -> None:
     operator = Operator(typical_person(), seed=1)
     operator.begin("heavy", width_m=0.07)
@@ -173,16 +135,10 @@ def test_the_same_seed_does_the_same_and_another_does_not() -> None:
 
 
 def test_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
-    for name in ("informative", "unrelated"):
-        deaf = grasp(Operator(draw_person(4), seed=5, feels=False), sham_vest("informative", seed=1))
-        without = grasp(Operator(draw_person(4), seed=5), None)
-        silent = grasp(Operator(draw_person(4), seed=5), sham_vest("silent"))
-        assert deaf.acts == without.acts == silent.acts, name
-
-
-def test_which_finger_vibrates_changes_nothing() -> None:
-    real = grasp(Operator(draw_person(4), seed=5), sham_vest("informative"))
-    assert grasp(Operator(draw_person(4), seed=5), sham_vest("permuted", seed=2)).acts == real.acts
+    deaf = grasp(Operator(draw_person(4), seed=5, feels=False), sham_vest("informative", seed=1))
+    without = grasp(Operator(draw_person(4), seed=5), None)
+    silent = grasp(Operator(draw_person(4), seed=5), sham_vest("silent"))
+    assert deaf.acts == without.acts == silent.acts
 
 
 @pytest.mark.slow

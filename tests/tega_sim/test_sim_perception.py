@@ -36,18 +36,21 @@ def test_reaction_times_are_skewed_about_the_mean_and_never_immediate() -> None:
     assert drawn.min() >= 0.1
 
 
-def eyes(who: PersonNumbers, seed: int = 0, view: ViewName = "direct") -> Eyes:
+def eyes(
+    who: PersonNumbers | None = None, seed: int = 0, view: ViewName = "direct", bears_m: float = 0.0
+) -> Eyes:
     def process(name: str) -> np.random.Generator:
         return stream(seed, name)
 
     return Eyes(
-        who.vision,
+        (who or typical_person()).vision,
         width_m=0.07,
         gaze=process("gaze"),
         looks=process("looks"),
         poses=process("poses"),
         reaction=process("reaction"),
         view=view,
+        bears_m=bears_m,
     )
 
 
@@ -105,10 +108,26 @@ def test_nothing_is_seen_below_the_threshold_of_motion_or_while_looking_away() -
 @pytest.mark.parametrize(("share", "chance"), [(0.03, 0.003), (0.06, 0.5), (0.0770, 0.841), (0.12, 0.997)])
 def test_deformation_is_seen_by_its_share_of_the_width(share: float, chance: float) -> None:
     sight = eyes(with_(typical_person(), "vision", gaze_grasp=1.0))
-    scene = STILL._replace(deformation_m=0.07 * share)
-    looks = [sight.observe(t / 4, 0.25, scene, carried=False, lifting=False) for t in range(1, 3000)]
+    # It eases in between: what is judged once is not judged again.
+    scenes = [STILL, STILL._replace(deformation_m=0.07 * share)]
+    looks = [sight.observe(t / 4, 0.25, scenes[t % 2], carried=False, lifting=False) for t in range(1, 3000)]
     seen = sum(event.kind == "deformation" for events in looks for event in events)
-    assert seen / len(looks) == pytest.approx(chance, abs=0.03)
+    assert seen / (len(looks) / 2) == pytest.approx(chance, abs=0.04)
+
+
+def test_a_dent_is_judged_when_it_has_grown_and_by_what_the_object_bears() -> None:
+    looking = eyes(bears_m=0.014)
+    # A look whose chance would see anything.
+    assert looking._dented(0.1, 0.0)
+    assert not any(looking._dented(0.1, 0.0) for _ in range(100))
+    assert looking._dented(0.13, 0.0)
+    # It eased, and grew anew.
+    assert not looking._dented(0.05, 0.0)
+    assert looking._dented(0.07, 0.0)
+    # Half of the looks at what it bears, few at half of that; without a word about it, half at what can be seen.
+    assert eyes(bears_m=0.014)._seen(0.2, 0.2) == 0.5
+    assert not eyes(bears_m=0.014)._dented(0.1, 0.01)
+    assert eyes()._dented(0.1, 0.5)
 
 
 def test_contact_takes_two_fingers_and_an_object_left_behind_counts_as_slip() -> None:

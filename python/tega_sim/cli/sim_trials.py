@@ -59,13 +59,6 @@ def sim() -> None:
     "--practice", type=click.IntRange(0, 100), default=0, show_default=True, help="Lifts before each trial."
 )
 @click.option(
-    "--rules",
-    type=click.IntRange(1, 3),
-    default=1,
-    show_default=True,
-    help="Version of the rules that the persons follow; by 2 and 3 they practise first.",
-)
-@click.option(
     "--task",
     type=click.Choice(["lift", "place", "fill"]),
     default="lift",

@@ -7,7 +7,6 @@ from tega_sim.operator.emg_noise import EFFECTS, TICK_HZ
 from tega_sim.operator.person import (
     Parameters,
     PersonNumbers,
-    RulesVersion,
     clear_skin,
     draw_person,
     load_parameters,
@@ -32,7 +31,6 @@ __all__ = [
     "Operator",
     "Parameters",
     "PersonNumbers",
-    "RulesVersion",
     "ScriptedOperator",
     "Sham",
     "ViewName",

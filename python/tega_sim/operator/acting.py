@@ -9,17 +9,15 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
-from tega_sim.operator.belief import Closure, ConfirmedClosure, ObjectBelief, Panel
+from tega_sim.operator.belief import Closure, ObjectBelief, Panel
 from tega_sim.operator.grip import Decision, GripDecisions
 from tega_sim.operator.motor import MuscleMotor, SimulatedForearm
-from tega_sim.operator.person import PersonNumbers, RulesVersion, stream
-from tega_sim.operator.renewing import JudgingEyes, RenewingGrip, SettledGrip
+from tega_sim.operator.person import PersonNumbers, stream
 from tega_sim.operator.vest_sense import POLL_S, Skin
 from tega_sim.operator.vision import Eyes, SeenEvent, ViewName
 from tega_sim.seams import Act, Percept
@@ -35,7 +33,6 @@ _VEST_READ_S = 0.5
 # How long after a command has been followed the closure aimed at is a fair guess of the real one.
 _FRESH_S = 1.0
 _PANELS: tuple[Panel, Panel] = ("front", "back")
-_DECISIONS: dict[RulesVersion, type[GripDecisions]] = {1: GripDecisions, 2: RenewingGrip, 3: SettledGrip}
 
 
 @dataclass
@@ -62,17 +59,14 @@ class Operator:
         feels: Whether the person feels the vest at all; ``False`` is the control who cannot feel it.
         full_effort: Excitation at which a channel's mean is Emax, which practice with the calibrated system has
             taught (:func:`tega_sim.operator.calibrate`); none means the effort of the calibration itself.
-        rules: Version of the rules that are followed.
-        view: Sight of the hand while the object is held. If the eyes see nothing, a dropped object, which is always
-            noticed, shows the person that the grip was too loose; by the third version of the rules this applies in
-            every view.
+        view: Sight of the hand while the object is held. A dropped object is noticed in every view, and shows the
+            person that the grip was too loose.
         away_m: How far back of where it stood the object is put down, metres.
 
     Attributes:
         pulses: Whether the vest shows contact, slip and release only, which the person knows: intensity then has no
             meaning, and a pulse on both faces while the object is held is answered like a slip that is seen.
         bears_m: Narrowing from which the next object counts as harmed, metres, as shown to the person; 0 if unknown.
-            The third version of the rules needs it.
 
     Raises:
         InvalidValueError: ``full_effort`` is not above 0.
@@ -94,12 +88,10 @@ class Operator:
         seed: int,
         feels: bool = True,
         full_effort: float | None = None,
-        rules: RulesVersion = 1,
         view: ViewName = "direct",
         away_m: float = 0.0,
     ) -> None:
         self._away_m = away_m
-        self._rules = rules
         self._view = view
         self.person = person
         self.pulses = False
@@ -139,8 +131,7 @@ class Operator:
         trial.pending += trial.eyes.observe(
             t_s, dt_s, percept.scene, carried=grip.carrying, lifting=grip.phase == "lift", held=grip.held
         )
-        learns = self._rules == 3 or self._view != "direct"
-        if percept.scene.dropped and grip.held and learns and not trial.lost:
+        if percept.scene.dropped and grip.held and not trial.lost:
             trial.lost = True
             grip.belief.slipped(grip.closure.x, grip.closure.var)
         if self._feels:
@@ -154,12 +145,11 @@ class Operator:
     def practise(self, name: str, displayed: Callable[[float, float], MotorLevels | None]) -> None:
         """Before the lift, close and open the hand level by level, watching the object and feeling the vest.
 
-        The first version of the rules learns nothing from it, the others only what each panel does at each
-        closure. ``displayed`` returns the frame sent to the vest, by the time in seconds and the closure in
-        levels.
+        The person learns what each panel does at each closure, and nothing else. ``displayed`` returns the
+        frame sent to the vest, by the time in seconds and the closure in levels.
         """
         belief = self._recall(name, 0.0)
-        if not self._feels or not isinstance(belief.closure, ConfirmedClosure):
+        if not self._feels:
             return
         noise, reaction, link = (
             stream(self._seed, "operator", name, "practice", subject) for subject in ("vest", "touch", "link")
@@ -210,14 +200,14 @@ class Operator:
     def _attend(self, t_s: float, trial: TrialOfPerson) -> None:
         skin, grip = self._skin, trial.grip
         skin.check(t_s, POLL_S)
-        heeded = tuple(self._heeds(grip.closure, panel) for panel in _PANELS)
+        closure = grip.closure
+        heeded = tuple(closure.trust(panel) > 0.5 for panel in _PANELS)
         if grip.phase == "grasp" and (self.pulses or any(heeded)) and (event := skin.onset(t_s)) is not None:
             trial.pending.append(event)
         if self.pulses:
             if grip.held and (event := skin.slip_pulse(t_s)) is not None:
                 trial.pending.append(event)
             return
-        closure = grip.closure
         if any(heeded) and grip.steady(t_s):
             # As the person is told, stronger is tighter, unless this object has taught the contrary.
             front, back = (
@@ -226,27 +216,19 @@ class Operator:
             )
             if (event := skin.weaker(t_s, (front, back))) is not None:
                 trial.pending.append(event)
-        if t_s >= trial.next_vest_read_s and grip.touching:
-            if isinstance(closure, ConfirmedClosure) and not grip.settled(t_s, _VEST_READ_S):
-                return
+        if t_s >= trial.next_vest_read_s and grip.touching and grip.settled(t_s, _VEST_READ_S):
             trial.next_vest_read_s = t_s + _VEST_READ_S
+            fresh = not grip.settled(t_s, _VEST_READ_S + _FRESH_S)
             for panel in _PANELS:
-                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is None:
-                    continue
-                if isinstance(closure, ConfirmedClosure):
-                    closure.feel(panel, *felt, fresh=not grip.settled(t_s, _VEST_READ_S + _FRESH_S))
-                else:
-                    closure.feel(panel, *felt)
-
-    def _heeds(self, closure: Closure, panel: Panel) -> bool:
-        """Whether the person follows a panel: at once by the first version, else once it is confirmed."""
-        return not isinstance(closure, ConfirmedClosure) or closure.trust(panel) > 0.5
+                if (felt := skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
+                    closure.feel(panel, *felt, fresh=fresh)
 
     def _recall(self, name: str, rest_s: float) -> ObjectBelief:
         """Belief about an object: faded from its last trial, or a first guess close to the last object's."""
         belief = self.beliefs.get(name)
         if belief is None:
-            belief = self.beliefs[name] = ObjectBelief(self.person.grip, self._closure())
+            closure = Closure(self.person.grip, self.person.vest.threshold)
+            belief = self.beliefs[name] = ObjectBelief(self.person.grip, closure)
             if self._last_belief is not None:
                 mean, sd = belief.need
                 belief.need = (mean + self.person.grip.carry_over * (self._last_belief.need[0] - mean), sd)
@@ -257,11 +239,6 @@ class Operator:
         self._last_belief = belief
         return belief
 
-    def _closure(self) -> Closure:
-        if self._rules == 1:
-            return Closure(self.person.grip)
-        return ConfirmedClosure(self.person.grip, self.person.vest.threshold)
-
     def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> TrialOfPerson:
         def process(subject: str) -> np.random.Generator:
             return stream(self._seed, "operator", name, trial, subject)
@@ -270,21 +247,20 @@ class Operator:
         self._skin.begin(
             rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
         )
-        sight: dict[str, Any] = {
-            "width_m": width_m,
-            "gaze": process("gaze"),
-            "looks": process("vision"),
-            "poses": process("pose"),
-            "reaction": process("visual reaction"),
-            "view": self._view,
-        }
         self._trial = TrialOfPerson(
-            grip=_DECISIONS[self._rules](
+            grip=GripDecisions(
                 person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
             ),
-            eyes=JudgingEyes(person.vision, bears_m=self.bears_m, **sight)
-            if self._rules == 3
-            else Eyes(person.vision, **sight),
+            eyes=Eyes(
+                person.vision,
+                width_m=width_m,
+                gaze=process("gaze"),
+                looks=process("vision"),
+                poses=process("pose"),
+                reaction=process("visual reaction"),
+                view=self._view,
+                bears_m=self.bears_m,
+            ),
             motor=MuscleMotor(
                 person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
             ),

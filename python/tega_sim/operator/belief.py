@@ -2,10 +2,9 @@
 
 All in levels, all Gaussian. The pure functions are the moment updates; :class:`ObjectBelief` outlasts a trial.
 
-The first version of the person's rules (:data:`tega_sim.operator.RulesVersion`) learns a straight line from closure to
-a panel's log intensity; the vest's real course is curved, flat at both ends, and may have nothing to do with the grip.
-In the others it is a curve over closure, and a panel moves the belief only by as much as the person trusts it. Trust is
-the probability that the panel follows the closure rather than a source of its own (causal inference in cue combination;
+A panel's log intensity is learned as a curve over the closure: the vest's real course is curved, flat at both ends, and
+may have nothing to do with the grip. A panel moves the belief only by as much as the person trusts it. Trust is the
+probability that the panel follows the closure rather than a source of its own (causal inference in cue combination;
 Ernst and Banks 2002, doi 10.1038/415429a; Koerding 2007, doi 10.1371/journal.pone.0000943). It starts low and grows
 only by readings that were predicted.
 """
@@ -23,8 +22,6 @@ from tega_sim.operator.sections import GripSection
 from tega_sim.operator.vision import normal_cdf
 
 Panel: TypeAlias = Literal["front", "back"]
-# Where a panel's line stands in the state: x, front b0 and b1, back b0 and b1.
-_LINE: dict[Panel, int] = {"front": 1, "back": 3}
 _LEAST_CLOSED, _MOST_CLOSED = 0.5, 5.5
 
 
@@ -50,139 +47,6 @@ def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
     return max(math.sqrt(max(sd * sd * (1 - sd * sd / (u * u) * factor), 0.0)), floor)
 
 
-class Closure:
-    """Belief about the closure ``x`` together with the vest's reading of it (extended Kalman filter).
-
-    For each panel a line ``ln I = b0 + b1 x`` is learned along with ``x``. They are estimated jointly because one
-    closure is felt many times: with separate estimates, each reading would count the same error of ``x`` again.
-    Slopes start at 0, and a panel does not move ``x`` before its slope is known, so that the vest's frames have no
-    meaning before they are learned.
-    """
-
-    def __init__(self, grip: GripSection) -> None:
-        log_half = math.log(0.5)
-        self._mean = np.array([1.0, log_half, 0.0, log_half, 0.0])
-        line = [grip.line_intercept_sd**2, grip.line_slope_sd**2]
-        self._cov = np.diag([0.0, *line, *line])
-        self._least = grip.line_slope_min
-
-    @property
-    def x(self) -> float:
-        """The closure, levels."""
-        return float(self._mean[0])
-
-    @property
-    def var(self) -> float:
-        """Variance of the closure."""
-        return float(self._cov[0, 0])
-
-    def slope(self, panel: Panel) -> float:
-        """Change of a panel's log intensity with one level."""
-        return float(self._mean[_LINE[panel] + 1])
-
-    def known(self, panel: Panel) -> bool:
-        """Whether the slope stands two standard deviations clear of 0, and is not flat."""
-        n = _LINE[panel] + 1
-        return abs(self.slope(panel)) > max(2 * math.sqrt(self._cov[n, n]), self._least)
-
-    def set(self, x: float, var: float) -> None:
-        """Start from a new command: its error has nothing to do with the last one's."""
-        self._mean[0] = min(max(x, _LEAST_CLOSED), _MOST_CLOSED)
-        self._cov[0, :] = self._cov[:, 0] = 0.0
-        self._cov[0, 0] = var
-
-    def fade(self, var: float) -> None:
-        """Become less sure of how strong the vest is felt altogether."""
-        for n in _LINE.values():
-            self._cov[n, n] += var
-
-    def drift(self, var: float) -> None:
-        """Become less sure."""
-        self._cov[0, 0] += var
-
-    def observe(self, level: float, var: float) -> None:
-        """Take in one independent reading of the closure."""
-        self._update(level - self.x, np.array([1.0, 0.0, 0.0, 0.0, 0.0]), var, moves_x=True)
-
-    def feel(self, panel: Panel, y: float, var: float) -> None:
-        """Take in one mean log intensity of a panel."""
-        n = _LINE[panel]
-        b0, b1 = self._mean[n], self._mean[n + 1]
-        h = np.zeros(5)
-        h[0], h[n], h[n + 1] = b1, 1.0, self.x
-        self._update(y - float(b0 + b1 * self.x), h, var, moves_x=self.known(panel))
-
-    def _update(self, surprise: float, h: NDArray[np.float64], var: float, *, moves_x: bool) -> None:
-        spread = self._cov @ h
-        gain = spread / (float(h @ spread) + var)
-        if not moves_x:
-            gain[0] = 0.0
-        self._mean = self._mean + gain * surprise
-        self._mean[0] = min(max(self._mean[0], _LEAST_CLOSED), _MOST_CLOSED)
-        # The form that holds for any gain.
-        keep = np.eye(5) - np.outer(gain, h)
-        self._cov = keep @ self._cov @ keep.T + var * np.outer(gain, gain)
-
-
-@dataclass
-class ObjectBelief:
-    """Belief about one object.
-
-    ``closure`` is about the hand's closure on it and the vest at that closure; ``need`` and ``harm`` are the
-    closures that it needs and that harm it, each with its standard deviation.
-    """
-
-    grip: GripSection
-    closure: Closure
-    need: tuple[float, float] = (0.0, 0.0)
-    harm: tuple[float, float] = (0.0, 0.0)
-
-    def __post_init__(self) -> None:
-        """Start from the person's first guesses."""
-        self.need = (self.grip.need, self.grip.need_sd)
-        self.harm = (self.grip.harm, self.grip.harm_sd)
-
-    def fade(self, felt_var: float) -> None:
-        """Forget a little, as between two trials.
-
-        ``felt_var`` is how much the vest's felt strength may have changed, variance of the logarithm.
-        """
-        self.closure.fade(felt_var)
-        forgotten = self.grip.between_sd**2
-        self.need = (self.need[0], math.sqrt(self.need[1] ** 2 + forgotten))
-        self.harm = (self.harm[0], math.sqrt(self.harm[1] ** 2 + forgotten))
-
-    def slipped(self, x: float, var: float) -> None:
-        """Learn that closure ``x`` did not do."""
-        self.need = above(*self.need, x, var, self.grip.belief_floor_sd)
-
-    def sufficed(self, x: float, var: float) -> None:
-        """Learn that closure ``x`` did."""
-        self.need = below(*self.need, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
-
-    def spared(self, x: float, var: float) -> None:
-        """Learn that closure ``x`` was not too much."""
-        self.harm = above(*self.harm, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
-
-    def harmed(self, x: float, var: float) -> None:
-        """Learn that closure ``x`` was too much."""
-        self.harm = below(*self.harm, x, var, self.grip.belief_floor_sd)
-
-
-def cost(belief: ObjectBelief, x: float, var: float) -> float:
-    """Return the expected cost of closure ``x``: slipping, harming, effort."""
-    grip = belief.grip
-    slips = 1 - normal_cdf((x - belief.need[0]) / math.sqrt(belief.need[1] ** 2 + var))
-    harms = normal_cdf((x - belief.harm[0]) / math.sqrt(belief.harm[1] ** 2 + var))
-    return slips + grip.harm_cost * harms + grip.effort_cost * x / 5
-
-
-def best_level(belief: ObjectBelief, aim_sd: float) -> int:
-    """Return the level of least expected cost for a hand that closes again."""
-    closure_var = belief.grip.closure_sd**2
-    return min(range(1, 6), key=lambda level: cost(belief, level, (aim_sd * level) ** 2 + closure_var))
-
-
 _PANEL_PLACE: dict[Panel, int] = {"front": 0, "back": 1}
 # The curve is kept at these closures, levels, straight in between.
 _KNOTS = np.arange(1.0, 5.6, 0.5)
@@ -193,16 +57,17 @@ _BEND_SD, _BEND_LEVELS = 0.5, 1.0
 _FIRST_ODDS, _MOST_ODDS = -3.0, 6.0
 
 
-class ConfirmedClosure(Closure):
+class Closure:
     """Belief about the closure and about the panels' curves (extended Kalman filter), with trust.
 
     ``threshold`` is the intensity felt in half of the looks, share of full drive; the intensity of a panel
     that does not follow the closure lies anywhere between this and 1, in ln. ``log_odds``, by panel, are that
-    it follows it.
+    it follows it. Curves and closure are estimated jointly because one closure is felt many times: with
+    separate estimates, each reading would count the same error of it again.
     """
 
     def __init__(self, grip: GripSection, threshold: float) -> None:
-        super().__init__(grip)
+        self._least = grip.line_slope_min
         n = len(_KNOTS)
         apart = _KNOTS[:, None] - _KNOTS[None, :]
         from_mid = _KNOTS - grip.need
@@ -221,6 +86,26 @@ class ConfirmedClosure(Closure):
             self._cov[at, at] = prior
         self._own_direction = 1.0 / max(math.log(1.0 / threshold), 0.5)
         self.log_odds: dict[Panel, float] = {"front": _FIRST_ODDS, "back": _FIRST_ODDS}
+
+    @property
+    def x(self) -> float:
+        """The closure, levels."""
+        return float(self._mean[0])
+
+    @property
+    def var(self) -> float:
+        """Variance of the closure."""
+        return float(self._cov[0, 0])
+
+    def set(self, x: float, var: float) -> None:
+        """Start from a new command: its error has nothing to do with the last one's."""
+        self._mean[0] = min(max(x, _LEAST_CLOSED), _MOST_CLOSED)
+        self._cov[0, :] = self._cov[:, 0] = 0.0
+        self._cov[0, 0] = var
+
+    def drift(self, var: float) -> None:
+        """Become less sure."""
+        self._cov[0, 0] += var
 
     def trust(self, panel: Panel) -> float:
         """Probability that a panel follows the closure."""
@@ -300,7 +185,66 @@ class ConfirmedClosure(Closure):
         if not learns:
             gain[1:] = 0.0
         self._mean = self._mean + gain * surprise
-        self._mean[0] = min(max(self._mean[0], 0.5), 5.5)
+        self._mean[0] = min(max(self._mean[0], _LEAST_CLOSED), _MOST_CLOSED)
         # The form that holds for any gain.
         keep = np.eye(len(h)) - np.outer(gain, h)
         self._cov = keep @ self._cov @ keep.T + var * np.outer(gain, gain)
+
+
+@dataclass
+class ObjectBelief:
+    """Belief about one object.
+
+    ``closure`` is about the hand's closure on it and the vest at that closure; ``need`` and ``harm`` are the
+    closures that it needs and that harm it, each with its standard deviation.
+    """
+
+    grip: GripSection
+    closure: Closure
+    need: tuple[float, float] = (0.0, 0.0)
+    harm: tuple[float, float] = (0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        """Start from the person's first guesses."""
+        self.need = (self.grip.need, self.grip.need_sd)
+        self.harm = (self.grip.harm, self.grip.harm_sd)
+
+    def fade(self, felt_var: float) -> None:
+        """Forget a little, as between two trials.
+
+        ``felt_var`` is how much the vest's felt strength may have changed, variance of the logarithm.
+        """
+        self.closure.fade(felt_var)
+        forgotten = self.grip.between_sd**2
+        self.need = (self.need[0], math.sqrt(self.need[1] ** 2 + forgotten))
+        self.harm = (self.harm[0], math.sqrt(self.harm[1] ** 2 + forgotten))
+
+    def slipped(self, x: float, var: float) -> None:
+        """Learn that closure ``x`` did not do."""
+        self.need = above(*self.need, x, var, self.grip.belief_floor_sd)
+
+    def sufficed(self, x: float, var: float) -> None:
+        """Learn that closure ``x`` did."""
+        self.need = below(*self.need, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
+
+    def spared(self, x: float, var: float) -> None:
+        """Learn that closure ``x`` was not too much."""
+        self.harm = above(*self.harm, x, var + self.grip.quiet_sd**2, self.grip.belief_floor_sd)
+
+    def harmed(self, x: float, var: float) -> None:
+        """Learn that closure ``x`` was too much."""
+        self.harm = below(*self.harm, x, var, self.grip.belief_floor_sd)
+
+
+def cost(belief: ObjectBelief, x: float, var: float) -> float:
+    """Return the expected cost of closure ``x``: slipping, harming, effort."""
+    grip = belief.grip
+    slips = 1 - normal_cdf((x - belief.need[0]) / math.sqrt(belief.need[1] ** 2 + var))
+    harms = normal_cdf((x - belief.harm[0]) / math.sqrt(belief.harm[1] ** 2 + var))
+    return slips + grip.harm_cost * harms + grip.effort_cost * x / 5
+
+
+def best_level(belief: ObjectBelief, aim_sd: float) -> int:
+    """Return the level of least expected cost for a hand that closes again."""
+    closure_var = belief.grip.closure_sd**2
+    return min(range(1, 6), key=lambda level: cost(belief, level, (aim_sd * level) ** 2 + closure_var))

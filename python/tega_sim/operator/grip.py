@@ -1,9 +1,18 @@
 """Decide for the simulated person: which level, and when to lift, put down and let go.
 
 The person wants the object lifted with the least force. Percepts become named events, events become rules, rules
-become a level; at most one command in a refractory time. Rules: slip seen or weakening felt, one level up;
-deformation seen, one down; else the neighbour of least expected cost, unless that reverses a correction that was just
-seen to be needed.
+become a level; at most one command in a refractory time:
+
+- A command is either a new movement to the middle of a level, with the error of a whole movement, or a correction: it
+  moves from the believed closure by the difference, with an error in proportion to that (signal-dependent noise;
+  Harris and Wolpert 1998, doi 10.1038/29528). The more certain of the two is taken. A person without feedback
+  believes in the middle of the level and has almost nothing to correct; force feedback lets people correct drift and
+  dispersion (Dosen 2015, doi 10.1186/s12984-015-0047-z).
+- A slip seen is answered by restoring the level where it is believed to be lost, and by the next one otherwise;
+  deformation likewise, downwards. A weakening felt is answered by restoring the level. Else the level of least
+  expected cost is taken, unless that reverses a correction that was just seen to be needed.
+- A quiet second at a closure that is believed to be lower than the last one that sufficed is evidence again.
+- What a command has not changed yet is not answered; what it causes itself, at once, is.
 """
 
 from __future__ import annotations
@@ -18,10 +27,13 @@ from tega_sim.seams import WorldTruth
 
 _CARRYING = frozenset({"lift", "carry", "place"})
 _CONTACT = frozenset({"contact", "onset", "slip", "deformation"})
-HELD = frozenset({"lift", "hold", "carry", "place"})
+_HELD = frozenset({"lift", "hold", "carry", "place"})
 _LIFTED_M = 0.005
 # Level 1 is the open hand: who holds something does not go there.
-LOOSEST = 2
+_LOOSEST = 2
+# Above every closure: nothing has sufficed under this command.
+_NEVER = 9.0
+_CAUSED_BY_TIGHTENING = {"deformation": True, "slip": False}
 
 
 class Decision(NamedTuple):
@@ -50,7 +62,8 @@ class GripDecisions:
         self.away_m = 0.0
         self.level = 1
         self.commands: list[Decision] = []
-        self._set_closure(1.0)
+        self.closure.set(1.0, self._renewed(1))
+        self._tightened, self._suffices = False, _NEVER
         self._commanded_s = 0.0
         self._free_s = 0.0
         self._phase_s = 0.0
@@ -71,12 +84,12 @@ class GripDecisions:
     @property
     def touching(self) -> bool:
         """Whether the person takes the hand to be on the object."""
-        return self.phase in HELD or self._contact_s is not None
+        return self.phase in _HELD or self._contact_s is not None
 
     @property
     def held(self) -> bool:
         """Whether the person takes the object to be in the hand."""
-        return self.phase in HELD
+        return self.phase in _HELD
 
     def steady(self, t_s: float) -> bool:
         """Whether a felt change must come from the object: held, command unchanged for a second."""
@@ -115,21 +128,28 @@ class GripDecisions:
         if level is None and self.touching:
             self._learn(t_s, events)
             if t_s >= self._free_s:
-                level, why = self._adjust({event.kind for event in events if self._answers(event)})
+                level, why = self._adjust({event.kind for event in events if not self._precedes(event)})
         return None if level is None else self._command(t_s, level, why)
 
     def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
+        if self._need_reported and self.closure.x < self._suffices - self._grip.belief_floor_sd:
+            self._need_reported = False
+        reported = self._need_reported
         for event in events:
             x, var = self._before if self._precedes(event) else (self.closure.x, self.closure.var)
-            if event.kind == "slip" and self.phase in HELD:
+            if event.kind == "slip" and self.phase in _HELD:
                 self.belief.slipped(x, var)
                 self._need_reported = True
             elif event.kind == "deformation":
                 self.belief.harmed(x, var)
                 self._harm_reported = True
-        if t_s - max(self._commanded_s, self._phase_s) < self._grip.quiet_s:
-            return
-        # Once a command: to go on holding is no new evidence.
+        if t_s - max(self._commanded_s, self._phase_s) >= self._grip.quiet_s:
+            self._learn_of_quiet()
+        if self._need_reported and not reported:
+            self._suffices = self.closure.x
+
+    def _learn_of_quiet(self) -> None:
+        """Learn once a command: to go on holding is no new evidence."""
         if self.phase == "hold" and not self._need_reported:
             self.belief.sufficed(self.closure.x, self.closure.var)
             self._need_reported, self._barred = True, max(self._barred, 0)
@@ -139,50 +159,59 @@ class GripDecisions:
 
     def _precedes(self, event: SeenEvent) -> bool:
         """Whether an event belongs to the closure before the last command: the hand needs a moment to follow one."""
-        return event.began_s < self._commanded_s + self._grip.closing_step_s
-
-    def _answers(self, _event: SeenEvent) -> bool:
-        return True
+        caused = _CAUSED_BY_TIGHTENING.get(event.kind)
+        own = event.began_s >= self._commanded_s and caused is self._tightened
+        return event.began_s < self._commanded_s + self._grip.closing_step_s and not own
 
     def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
-        if self.phase in HELD and kinds & {"slip", "weaker"}:
+        # Less than this cannot be told from the middle of the level.
+        lost = self.level - self.closure.x
+        if self.phase in _HELD and "slip" in kinds:
             self._barred = -1
-            return (self.level + 1, "slip" if "slip" in kinds else "weaker") if self.level < 5 else (None, "")
+            return self._best((0, 1) if lost > self._grip.closure_sd else (1,)), "slip"
         if "deformation" in kinds:
             self._barred = 1
-            return (self.level - 1, "deformation") if self.level > LOOSEST else (None, "")
-        closure = self.closure
-        here = cost(self.belief, closure.x, closure.var)
-        options = {
-            step: cost(self.belief, closure.x + step, closure.var + (self._aim_sd * closure.x) ** 2)
-            for step in (-1, 1)
-            if max(self._least, LOOSEST) <= self.level + step <= 5 and step != self._barred
-        }
-        step = min(options, key=lambda s: options[s], default=0)
-        return (
-            (self.level + step, "cost")
-            if step and here - options[step] > self._grip.gain_to_act
-            else (None, "")
-        )
+            return self._best((-1, 0) if -lost > self._grip.closure_sd else (-1,)), "deformation"
+        here = cost(self.belief, self.closure.x, self.closure.var)
+        if self.phase in _HELD and "weaker" in kinds and self._expected(self.level) < here:
+            return self.level, "weaker"
+        level = self._best(tuple(step for step in (-1, 0, 1) if step == 0 or step != self._barred))
+        return (level, "cost") if here - self._expected(level) > self._grip.gain_to_act else (None, "")
+
+    def _best(self, steps: tuple[int, ...]) -> int:
+        lowest = max(self._least, _LOOSEST)
+        levels = [self.level + step for step in steps if lowest <= self.level + step <= 5]
+        return min(levels or [self.level], key=self._expected)
+
+    def _expected(self, level: int) -> float:
+        return cost(self.belief, level, min(self._renewed(level), self._corrected(level)))
+
+    def _renewed(self, level: int) -> float:
+        """Variance of the closure after a new movement to a level."""
+        return (self._aim_sd * level) ** 2 + self._grip.closure_sd**2
+
+    def _corrected(self, level: int) -> float:
+        """Variance of the closure after a correction to a level."""
+        return self.closure.var + (self._aim_sd * (level - self.closure.x)) ** 2
 
     def _command(self, t_s: float, level: int, why: str) -> Decision:
-        step = level - self.level
-        adjusted = why not in {"close", "open"} and abs(step) == 1
-        self._before = (self.closure.x, self.closure.var)
-        self._set_closure(self.closure.x + step if adjusted else float(level))
-        self.level = level
+        self._before = x, _ = (self.closure.x, self.closure.var)
+        renewed, corrected = self._renewed(level), self._corrected(level)
+        corrects = why not in {"close", "open"} and corrected < renewed
+        self.closure.set(float(level), corrected if corrects else renewed)
+        self._tightened = self.closure.x > x
+        self.level, self._suffices = level, _NEVER
         self._commanded_s, self._free_s = t_s, t_s + self._grip.refractory_ms / 1e3
-        self._judged = self._posed = self._need_reported = self._harm_reported = False
-        self.commands.append(Decision(t_s, level, why))
+        # The sense of effort is off by the same share as before a correction: nothing new is learned from it.
+        self._judged = corrects
+        self._posed = self._need_reported = self._harm_reported = False
+        self.commands.append(Decision(t_s, level, why, level - x if corrects else None))
         return self.commands[-1]
-
-    def _set_closure(self, x: float) -> None:
-        self.closure.set(x, (self._aim_sd * self.level) ** 2 + self._grip.closure_sd**2)
 
     def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
         """Go through the phases; return a level where the phase itself asks for one."""
         arm, forearm = self._arm, self.forearm
-        if self.phase in HELD and scene.dropped:
+        if self.phase in _HELD and scene.dropped:
             # Seeing it lie there and giving up takes a moment.
             self._give_up_s = t_s + self._arm.settle_s if self._give_up_s is None else self._give_up_s
             if t_s >= self._give_up_s:
@@ -204,8 +233,8 @@ class GripDecisions:
         grip, waited = self._grip, t_s - self._commanded_s
         direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
         if self.level == 1:
-            best = best_level(self.belief, self._aim_sd) if direct else LOOSEST
-            return max(best, self._least, LOOSEST), "close"
+            best = best_level(self.belief, self._aim_sd) if direct else _LOOSEST
+            return max(best, self._least, _LOOSEST), "close"
         if self._contact_s is not None:
             if t_s - self._contact_s >= grip.contact_wait_s:
                 self._lift(t_s)

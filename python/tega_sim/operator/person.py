@@ -15,7 +15,7 @@ from collections.abc import Iterator, Mapping
 from importlib.resources import files
 from pathlib import Path
 from statistics import NormalDist
-from typing import Literal, TypeAlias
+from typing import Final, Literal
 
 import msgspec
 import numpy as np
@@ -35,12 +35,8 @@ from tega_sim.operator.sections import (
 FROZEN_SHA256 = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 """Hash of the parameter file as it was before the first closed-loop run; any other file is called changed."""
 
-RulesVersion: TypeAlias = Literal[1, 2, 3]
-"""Version of the rules: 3 is the default of simulated studies, 1 of single trials.
-
-By 2 (:mod:`tega_sim.operator.renewing`, :mod:`tega_sim.operator.belief`) the person ignores the vest until a panel has
-been shown to follow the closure; 3 (:mod:`tega_sim.operator.renewing`) on top of it distinguishes harm from the give
-that every hold needs. A change in the person's behaviour is another version."""
+RULES: Final = 3
+"""Version of the rules that people follow; a change in their behaviour is another version."""
 
 
 class Parameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -200,15 +196,13 @@ def clear_skin(person: PersonNumbers) -> PersonNumbers:
     return msgspec.structs.replace(person, vest=vest)
 
 
-def people_digest(parameters: str, version: RulesVersion) -> str:
-    """Return the SHA-256 of the people: their parameters, and from version 2 on the version of their rules.
+def people_digest(parameters: str) -> str:
+    """Return the SHA-256 of the people: that of their parameter file, and the version of their rules.
 
     No source text is in it: people with the same parameters and rules are the same, however the program is
-    written. By version 1 it is ``parameters``, the SHA-256 of the parameter file.
+    written.
     """
-    if version == 1:
-        return parameters
-    return hashlib.sha256(f"{parameters} rules {version}".encode()).hexdigest()
+    return hashlib.sha256(f"{parameters} rules {RULES}".encode()).hexdigest()
 
 
 def stream(seed: int, *names: str | int) -> np.random.Generator:

@@ -71,7 +71,8 @@ def reaction_s(
 class Eyes:
     """One person's sight during a trial.
 
-    The object's width is plain to see; ``view`` is where the eyes are while it is held. Random streams:
+    The object's width is plain to see; ``view`` is where the eyes are while it is held. ``bears_m`` is the
+    narrowing from which the object counts as harmed, which the person knows; 0 if unknown. Random streams:
     ``looks`` of detections at a look, ``poses`` of how the hand's pose is misread, ``reaction`` of the
     reaction times.
     """
@@ -86,9 +87,11 @@ class Eyes:
         poses: np.random.Generator,
         reaction: np.random.Generator,
         view: ViewName = "direct",
+        bears_m: float = 0.0,
     ) -> None:
         self._aside_deg, self._elsewhere = VIEWS[view], False
         self._p, self._width_m = vision, width_m
+        self._bears, self._judged = bears_m / width_m, 0.0
         self._gaze, self._checks, self._poses, self._reaction = gaze, looks, poses, reaction
         self._motion = 0.0
         self._next_check_s = 0.0
@@ -138,8 +141,17 @@ class Eyes:
         return found
 
     def _dented(self, share: float, drawn: float) -> bool:
-        """Whether a look of chance ``drawn``, 0 to 1, finds a narrowing by a share of the width."""
-        return share > 0 and drawn < self._seen(share, self._p.deform_theta * self._blurred)
+        """Whether a look of chance ``drawn``, 0 to 1, finds the object harmed by a narrowing, a share of its width.
+
+        What was judged is judged again only when it has grown: every hold narrows the object somewhat.
+        """
+        step = math.exp(self._p.deform_log_sd)
+        if share * step < self._judged:
+            self._judged = share
+        if share <= max(self._judged * step, 0.0):
+            return False
+        self._judged = share
+        return drawn < self._seen(share, max(self._p.deform_theta * self._blurred, self._bears))
 
     def _seen(self, share: float, middle: float) -> float:
         """Probability that a narrowing is taken for more than one that is seen in half of the looks."""

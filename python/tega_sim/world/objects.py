@@ -25,6 +25,7 @@ REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
     "shear": Removed("0.3", "simulated gels no longer give way sideways", _NEW, "off"),
     "hand": Removed("0.3", "the decoder always gives the hand's level", _NEW, "decoder"),
     "beside": Removed("0.3", "answers of stages beside the connected ones are in the tables", _NEW, []),
+    "rules": Removed("0.3", "simulated people follow the third version of their rules", _NEW, 3),
     "relief_counts": Removed("0.3", "simulated objects have no relief", _NEW, 0.0),
     "relief_mm": Removed("0.3", "simulated objects have no relief", _NEW, 0.6),
     "shell": Removed("0.3", "simulated objects are no longer one elastic solid", _NEW, "pads"),

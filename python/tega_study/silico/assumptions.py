@@ -20,8 +20,8 @@ from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.words import Removed, without_removed
-from tega_sim.operator import RulesVersion, load_parameters, people_digest
-from tega_sim.operator.person import Parameter
+from tega_sim.operator import load_parameters, people_digest
+from tega_sim.operator.person import RULES, Parameter
 from tega_sim.operator.vision import ViewName
 from tega_sim.plan import loop_settings
 from tega_sim.world import ObjectSpec
@@ -86,7 +86,6 @@ def assume(
     everyone: dict[str, float] | None = None,
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
-    rules: RulesVersion = 3,
     view: ViewName = "direct",
 ) -> tuple[Assumptions, bytes]:
     """Return a study's assumptions, and the content of its parameter file.
@@ -110,8 +109,8 @@ def assume(
         everyone=dict(sorted((everyone or {}).items())),
         preset=preset,
         settings=settings,
-        rules=rules,
-        people_sha256=people_digest(loaded.digest, rules),
+        rules=RULES,
+        people_sha256=people_digest(loaded.digest),
         objects={name: msgspec.to_builtins(spec) for name, spec in objects.items()},
         view=view,
         code_sha256=code_sha256(),

@@ -112,7 +112,6 @@ def run_sensitivity(
             parameters=folder / PARAMETERS,
             everyone=change.everyone,
             preset=change.preset,
-            rules=stated.rules,
             view=stated.view,
         )
         made.append((change, where, plan))

@@ -78,7 +78,7 @@ def _go(job: SessionJob, folder: Path) -> None:
     from tega_sim.trial import practise
 
     stated = job.assumptions
-    same = {"preset": stated.preset, "settings": stated.settings, "rules": stated.rules, "view": stated.view}
+    same = {"preset": stated.preset, "settings": stated.settings, "view": stated.view}
     seed = person_seed(job.settings.seed or 0, job.person)
     lab = Lab(seed, stated.preset, job.parameters, settings=stated.settings)
     specs = {name: stated.spec(name) for name in stated.objects}

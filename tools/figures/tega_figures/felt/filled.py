@@ -64,6 +64,7 @@ def _main() -> None:
     words.add_argument("--out", type=Path, required=True, help="keep results in this file, and go on from it")
     given = words.parse_args()
     run, task = plan["runs"][given.run], dict(plan["task"])
+    del task["rules"]  # which people have followed since
     seeds = range(run["first_seed"], run["first_seed"] + (given.people or run["people"]))
     plans = plan_trials([_OBJECT], run["conditions"], seeds, mass_kg=[task.pop("mass_kg")], **task)
     results = run_trials(plans, out=given.out)

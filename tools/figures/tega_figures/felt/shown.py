@@ -48,7 +48,7 @@ def score_lifts(seeds: Iterable[int]) -> list[Shown]:
     for seed in seeds:
         for name in DEMO_OBJECTS:
             kept = Streams()
-            run_trial(TrialPlan(object=name, seed=seed, rules=3), streams=kept)
+            run_trial(TrialPlan(object=name, seed=seed), streams=kept)
             vest = np.array(kept.rows["vest"], np.float64)
             t_s, motors = vest[:, 0], vest[:, 1:].reshape(len(vest), 2, -1, 4)
             at_s = kept.array("truth", "t_s")
