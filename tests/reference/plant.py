@@ -24,6 +24,9 @@ DEFORMED_LEVELS = 0.4
 TOUCH = 1.5
 """Closure at which the fingers touch, levels."""
 
+FULL_EFFORT = 0.7
+"""Excitation that closes the hand fully."""
+
 HELD = frozenset({"lift", "hold", "place"})
 
 
@@ -35,7 +38,6 @@ class GraspOutcome(NamedTuple):
         deformed: Whether it was narrowed by more than 4 % of its width.
         dropped: Whether it was lifted and fell.
         highest_m: How high it got, metres.
-        effort: Mean closure while it was held, as a share of full closure; 0 where it never was.
         acts: Everything that was done.
     """
 
@@ -43,12 +45,11 @@ class GraspOutcome(NamedTuple):
     deformed: bool
     dropped: bool
     highest_m: float
-    effort: float
     acts: list[Act]
 
 
 GIVES_PER_LEVEL = 0.1
-"""Share of its width by which an object is narrowed for each level over the closure from which it gives."""
+"""Share of its width by which an object is narrowed for each level over the closure that harms it."""
 
 
 class Grasp(NamedTuple):
@@ -58,20 +59,15 @@ class Grasp(NamedTuple):
         need: Closure it needs, levels.
         harm: Closure that harms it, levels.
         width_m: Its width, metres.
-        gives_from: Closure from which its wall gives, levels; ``None`` for one that gives only where it is harmed.
-        gives: Share of its width for each level over that.
     """
 
     need: float = 2.4
     harm: float = 3.6
     width_m: float = 0.07
-    gives_from: float | None = None
-    gives: float = GIVES_PER_LEVEL
 
     def narrower_m(self, closure: float) -> float:
         """Return by how much a closure narrows it, metres."""
-        first = self.harm if self.gives_from is None else self.gives_from
-        return self.width_m * self.gives * max(closure - first, 0.0)
+        return self.width_m * GIVES_PER_LEVEL * max(closure - self.harm, 0.0)
 
     @property
     def bears_m(self) -> float:
@@ -104,9 +100,6 @@ def grasp(
     item: Grasp | None = None,
     trial: int = 0,
     seconds: float = 20.0,
-    full_effort: float = 0.7,
-    name: str = "object",
-    reported: Callable[[float], MotorLevels] = told_frame,
 ) -> GraspOutcome:
     """Let an operator try once.
 
@@ -116,24 +109,21 @@ def grasp(
         item: What is lifted.
         trial: Number of the trial.
         seconds: When it ends at the latest.
-        full_effort: Excitation that closes the hand fully.
-        name: Of the object, by which the operator remembers it.
-        reported: Makes the frame that tells a closure.
     """
     item = item or Grasp()
     if isinstance(actor, Operator):
         actor.bears_m = item.bears_m
-    actor.begin(name, width_m=item.width_m, trial=trial)
+    actor.begin("object", width_m=item.width_m, trial=trial)
     closure, height_m, slip_m, slip_m_s, left_behind_m = 1.0, 0.0, 0.0, 0.0, 0.1
     lifted = dropped = slipping = deformed = False
-    slips, highest_m, held_closure, n_held = 0, 0.0, 0.0, 0
-    made, acts = reported(closure), list[Act]()
+    slips, highest_m = 0, 0.0
+    made, acts = told_frame(closure), list[Act]()
     for tick in range(round(100 * seconds)):
         t_s = tick / 100
         grip = max(closure - TOUCH, 0.0)
         narrower_m = item.narrower_m(closure)
         if tick % 3 == 0:
-            made = reported(closure)
+            made = told_frame(closure)
         force = (grip,) * 4
         scene = WorldTruth(
             t_s, height_m, lifted, force, slip_m, slip_m_s, narrower_m, 0.0, dropped, left_behind_m
@@ -142,7 +132,7 @@ def grasp(
         acts.append(act)
         if act.phase == "done":
             break
-        requested = min(max(4 * act.excitation / full_effort + 0.5, 1.0), 5.0)
+        requested = min(max(4 * act.excitation / FULL_EFFORT + 0.5, 1.0), 5.0)
         closure += (requested - closure) * -math.expm1(-0.01 / HAND_S)
         missing, hand_m, slip_m_s = item.need - closure, act.forearm_m[0], 0.0
         if act.phase not in HELD or dropped or grip == 0:
@@ -162,6 +152,4 @@ def grasp(
         slipping = slip_m_s > 0.005
         deformed = deformed or narrower_m > item.bears_m
         highest_m = max(highest_m, height_m)
-        if act.phase in HELD:
-            held_closure, n_held = held_closure + closure, n_held + 1
-    return GraspOutcome(slips, deformed, dropped, highest_m, held_closure / (5 * max(n_held, 1)), acts)
+    return GraspOutcome(slips, deformed, dropped, highest_m, acts)

@@ -12,11 +12,7 @@ from reference.audit import refused, reported
 from reference.sessions import synthetic
 from tega.config import load_config
 from tega.records import Intent
-from tega_figures.audit import (
-    READINGS,
-    AuditRequest,
-    audit_recording,
-)
+from tega_figures.audit import READINGS, AuditRequest, audit_recording
 
 # EMG.
 

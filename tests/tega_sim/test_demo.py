@@ -146,7 +146,7 @@ def text_of(displayed: object) -> str:
 def test_the_screen_shows_fingers_vest_muscles_hand_rates_and_object_or_that_there_are_none() -> None:
     lifted = {"object": "bag", "height": "4.2 cm"}
     screen = text_of(render(view(), title="test", rates_hz={"touch": 60.0}, rows=lifted, height=40))
-    told = "thumb|focal|broad|no sensor|front|back|channels 2 · 3 · 3|level 3: half|60 Hz|2.5 s|object bag|height 4.2 cm"
+    told = "thumb|focal|broad|no sensor|front|back|channels 2 · 3 · 3|level 3: half|60 Hz|2.5 s|bag|height 4.2 cm"
     assert [word for word in told.split("|") if word not in screen] == []
     silent = text_of(render(LoopView(0, {}, None, None, None, {}), title="test", rates_hz={}))
     assert "no EMG connected" in silent

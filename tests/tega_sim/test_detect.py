@@ -158,12 +158,16 @@ def test_fingertips_that_sink_tell_a_slip_within_60_ms_and_what_is_put_down_is_n
 
 def test_where_the_joints_are_no_longer_told_the_other_rules_take_over() -> None:
     detector, seen = Detector(), []
+    detector.hand(0.0, level=3, closure=2.5, height_m=0.0, tips_mm={"thumb": 40.0})
+    untouched = detector.features(0.0)
+    assert len(untouched) == len(SETTINGS.sink.weights) == len(SINK_FEATURES)
+    assert not any(untouched[-len(SETTINGS.sink_s) - 2 :])
+    detector = Detector()
     for n, tips_mm in enumerate([{"thumb": 40.0}, {"thumb": 39.0}, None]):
         detector.hand(n / 100, level=3, closure=2.5, height_m=0.0, tips_mm=tips_mm)
         detector.touch(n / 100, "thumb", FIRM)
         seen.append(len(detector.features(n / 100)))
     assert seen == [len(SINK_FEATURES), len(SINK_FEATURES), len(HAND_FEATURES)]
-    assert len(SETTINGS.sink.weights) == len(SINK_FEATURES)
 
 
 def test_what_is_held_in_the_air_may_slip_unless_the_hand_opens() -> None:
@@ -191,14 +195,6 @@ def test_a_grasp_outlasts_a_moment_without_touch_and_no_more() -> None:
     assert detector.may_slip
     play(detector, [NOTHING] * round(HZ * (SETTINGS.rest_s + 0.5)), begin_s=1.2)
     assert not detector.may_slip
-
-
-def test_fingertips_without_touch_have_as_many_features_as_with_it() -> None:
-    detector = Detector()
-    detector.hand(0.0, level=3, closure=2.5, height_m=0.0, tips_mm={"thumb": 40.0})
-    features = detector.features(0.0)
-    assert len(features) == len(SINK_FEATURES)
-    assert features[-len(SETTINGS.sink_s) - 2 :] == (0.0,) * (len(SETTINGS.sink_s) + 2)
 
 
 def test_fingertips_sink_over_each_of_the_settings_times() -> None:

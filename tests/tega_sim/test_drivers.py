@@ -70,57 +70,29 @@ def test_the_contract_from_a_shell(capsys: pytest.CaptureFixture[str], tmp_path:
     assert done.stderr == ""
 
 
-class _Forgetful:
-    """An EMG source that does not start again when it is opened again."""
-
-    kind = "emg"
-    summary = "breaks a rule on purpose"
-    extra = ""
-    requires = ()
-    options_type = Options
-
-    def __init__(self, options: Any) -> None:
-        inner: Any = driver_class("emg-file")
-        self._inner = inner(options)
-        self._opened = 0
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self._inner, name)
-
-    @property
-    def info(self) -> Any:
-        return self._inner.info
-
-    @property
-    def ended(self) -> bool:
-        return bool(self._inner.ended)
-
-    def open(self) -> None:
-        self._opened += 1
-        self._inner.open()
-        if self._opened > 3:
-            self._inner.read(0.0)
-
-    def close(self) -> None:
-        self._inner.close()
-
-    def read(self, timeout_s: float) -> Any:
-        return self._inner.read(timeout_s)
-
-    def __enter__(self) -> Any:
-        self.open()
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self.close()
+Recorded = tuple[Any, Any]
 
 
-def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path) -> None:
+@pytest.fixture
+def recorded(tmp_path: Path) -> Recorded:
+    """Return the driver that plays EMG from a file, and options for a file that is there."""
     np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
-    make: Any = driver_class("emg-file").options_type
-    forgetful: Any = _Forgetful
-    device = forgetful(make(file=tmp_path / "emg.npy", rate_hz=200.0))
-    device._opened = 2
+    parent: Any = driver_class("emg-file")
+    return parent, parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
+
+
+def test_the_contract_notices_a_source_that_does_not_start_again(recorded: Recorded) -> None:
+    parent, options = recorded
+    opened = []
+
+    class Forgetful(parent):  # type: ignore[misc]
+        def open(self) -> None:
+            super().open()
+            opened.append(self)
+            if len(opened) > 1:
+                self.read(0.0)
+
+    device: Any = Forgetful(options)
     with pytest.raises(AssertionError, match="starts from its beginning"):
         check_source(device, 64)
 
@@ -135,23 +107,23 @@ def test_the_contract_notices_a_source_that_does_not_start_again(tmp_path: Path)
         ({"label": "one", "hint": "do"}, "a hint is for a problem"),
     ],
 )
-def test_the_contract_looks_at_what_a_driver_finds(found: dict[str, Any], rule: str, tmp_path: Path) -> None:
-    parent: Any = driver_class("emg-file")
+def test_the_contract_looks_at_what_a_driver_finds(
+    found: dict[str, Any], rule: str, recorded: Recorded
+) -> None:
+    parent, options = recorded
 
     class Finder(parent):  # type: ignore[misc]
         @classmethod
         def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003
             return [Found(**{"driver": "emg-file", **found})]
 
-    np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
-    options = parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
     finder: Any = Finder
     with pytest.raises(AssertionError, match=rule):
         check_driver(finder, options)
 
 
-def test_the_contract_looks_at_what_a_driver_calls_harmless(tmp_path: Path) -> None:
-    parent: Any = driver_class("emg-file")
+def test_the_contract_looks_at_what_a_driver_calls_harmless(recorded: Recorded, tmp_path: Path) -> None:
+    parent, options = recorded
 
     class Careless(parent):  # type: ignore[misc]
         answer: Any = Options()
@@ -160,8 +132,6 @@ def test_the_contract_looks_at_what_a_driver_calls_harmless(tmp_path: Path) -> N
         def harmless(cls, options: Any) -> Any:  # noqa: ARG003
             return cls.answer
 
-    np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
-    options = parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
     careless: Any = Careless
     with pytest.raises(AssertionError, match="of the driver's options_type"):
         check_driver(careless, options)

@@ -173,7 +173,9 @@ def test_seed_label_and_person_each_make_another_signal() -> None:
         assert not np.allclose(first, other.course(course))
 
 
-def test_bad_rates_and_courses_are_refused() -> None:
+def test_bad_rates_courses_and_effects_are_refused() -> None:
+    with pytest.raises(InvalidValueError, match=r"'cold' is not known"):
+        ForearmEmg(typical_person(), seed=1, effects=("cold",))
     with pytest.raises(InvalidValueError, match="rate_hz = 100 Hz"):
         ForearmEmg(typical_person(), seed=1, rate_hz=100)
     with pytest.raises(ShapeError, match=r"\(2, 2\)"):
@@ -213,12 +215,6 @@ def amplitude(
     parts = emg.reshape(-1, 250, 3)
     found: NDArray[np.float64] = np.median(parts.std(axis=1), axis=0)
     return found
-
-
-def test_without_a_name_nothing_is_drawn() -> None:
-    course = np.full(300, EFFORT)
-    plain = ForearmEmg(typical_person(), seed=3, label="day").course(course)
-    assert np.array_equal(plain, ForearmEmg(typical_person(), seed=3, label="day", effects=()).course(course))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
@@ -268,11 +264,6 @@ def test_a_turned_ring_sees_the_next_muscle() -> None:
     # Extensor and its neighbour have hardly any source in common before, and a good part of it after.
     assert seen[0][0, 1] < 0.25
     assert seen[1][0, 1] > seen[0][0, 1] + 0.15
-
-
-def test_an_unknown_effect_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match=r"'cold' is not known"):
-        ForearmEmg(typical_person(), seed=1, effects=("cold",))
 
 
 def test_every_number_lies_in_its_range_and_says_where_it_is_from() -> None:
