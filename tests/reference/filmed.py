@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from foxglove import channels, messages
 from numpy.typing import NDArray
@@ -22,6 +23,16 @@ def numbered(number: int) -> NDArray[np.uint8]:
     """Return a picture, uint8 (64, 96, 3): eight stripes, the bits of a number below 256, white for one."""
     stripes = 255 * (number >> np.arange(8) & 1).repeat(SIZE[0] // 8)
     return np.broadcast_to(stripes[None, :, None], (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+
+
+def film(path: Path, n: int = 30, rate_hz: float = 20.0) -> Path:
+    """Write a video file of such pictures, twice as large."""
+    size = (2 * SIZE[0], 2 * SIZE[1])
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), rate_hz, size)
+    for number in range(n):
+        writer.write(cv2.resize(numbered(number), size))
+    writer.release()
+    return path
 
 
 def number_of(image: NDArray[np.uint8]) -> int:

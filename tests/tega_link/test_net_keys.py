@@ -52,9 +52,9 @@ def passed(robot_keys: Path, operator_keys: Path, *, name: str = "alice") -> tup
         there.receives("state", lambda _key, data: states.append(data))
         there.lives(f"operator/{name}/1")
         say, notify = there.sends(f"cmd/{name}/hand", Channel.COMMAND), here.sends("state", Channel.STATE)
-        until_s = time.monotonic() + (60.0 if robot_keys.parent == operator_keys.parent else 2.0)
-        right = robot_keys.name == "panda" and operator_keys.name == "alice"
-        until_s = until_s if right else time.monotonic() + 2.0
+        right = robot_keys.parent == operator_keys.parent
+        right = right and (robot_keys.name, operator_keys.name) == ("panda", "alice")
+        until_s = time.monotonic() + (60.0 if right else 2.0)
         while time.monotonic() < until_s and not (commands and states and signs):
             say(b"close")
             notify(b"active")
@@ -85,12 +85,9 @@ def test_a_wrong_certificate_passes_nothing(robot, operator, name, keys, strange
 
 def test_a_station_without_keys_cannot_talk_to_one_with_keys(keys) -> None:
     port = free_port()
+    address = f"tls/127.0.0.1:{port}"
     robot = NetSection(
-        station="robot",
-        name="panda",
-        operators=("alice",),
-        listen=f"tls/127.0.0.1:{port}",
-        keys=keys / "panda",
+        station="robot", name="panda", operators=("alice",), listen=address, keys=keys / "panda"
     )
     operator = NetSection(station="operator", name="alice", robot="panda", connect=f"tcp/127.0.0.1:{port}")
     received: list[bytes] = []

@@ -20,12 +20,7 @@ pytest.importorskip("zenoh", reason="needs the extra net")
 from reference.net import Leader
 from reference.processes import until
 from tega.config import load_config
-from tega.config.calibration import (
-    Calibration,
-    TouchMaxima,
-    load_calibration,
-    save_calibration,
-)
+from tega.config.calibration import Calibration, TouchMaxima, load_calibration, save_calibration
 from tega.errors import CalibrationError, ConfigError
 from tega.loop import run_session
 from tega.loop.inbox.inputs import Prepared

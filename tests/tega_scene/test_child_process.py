@@ -78,19 +78,18 @@ def test_a_program_ignores_the_signals_of_a_log_out_and_ends_with_its_input(name
 
 
 def test_a_process_that_is_stopped_or_dead_is_not_running() -> None:
-    process = start_child("tega.devices.hand.hand_program", stdout=subprocess.PIPE)
-    try:
-        until(lambda: ignores_all(process.pid))
-        assert is_running(process.pid, "tega.devices.hand.hand_program")
-        assert not is_running(process.pid, "tega.devices.hand.hand_guard")
-        os.kill(process.pid, signal.SIGSTOP)
-        until(lambda: not is_running(process.pid, "tega.devices.hand.hand_program"))
-        os.kill(process.pid, signal.SIGCONT)
-        until(lambda: is_running(process.pid, "tega.devices.hand.hand_program"))
-        process.kill()
-        until(lambda: not is_running(process.pid, "tega.devices.hand.hand_program"))
-    finally:
-        end_child(process, 5.0)
-        assert process.stdout is not None
-        process.stdout.close()
-    assert not is_running(0, "tega.devices.hand.hand_program")
+    module = "tega.devices.hand.hand_program"
+    with program(module) as process:
+        try:
+            until(lambda: ignores_all(process.pid))
+            assert is_running(process.pid, module)
+            assert not is_running(process.pid, "tega.devices.hand.hand_guard")
+            os.kill(process.pid, signal.SIGSTOP)
+            until(lambda: not is_running(process.pid, module))
+            os.kill(process.pid, signal.SIGCONT)
+            until(lambda: is_running(process.pid, module))
+            process.kill()
+            until(lambda: not is_running(process.pid, module))
+        finally:
+            end_child(process, 5.0)
+    assert not is_running(0, module)

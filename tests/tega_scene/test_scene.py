@@ -15,12 +15,12 @@ from tega.errors import CalibrationError, ConfigError, InvalidValueError, Record
 from tega.ui.cli.main import cli
 from tega_scene.corners import TagFinder
 from tega_scene.courses import righted, scene_courses
-from tega_scene.layout import PlacedTag, TagBody, TagLayout, example_layout, load_layout, save_layout
+from tega_scene.layout import TagBody, example_layout, load_layout, save_layout
 from tega_scene.lens import LensCalibration, load_lens, save_lens
 from tega_scene.outcomes import score_scene
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.pose import BodyFitter
-from tega_scene.sheets import board_page, page_svg, pages_pdf, tag_pages, write_pages
+from tega_scene.sheets import page_svg, pages_pdf, tag_pages, write_pages
 from tega_scene.track import SceneSightings, SceneTrack, follow_bodies, track_scene
 
 pytest.importorskip("cv2")
@@ -31,10 +31,6 @@ from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-
-def _all(layout: TagLayout) -> list[PlacedTag]:
-    return [tag for body in layout.bodies().values() for tag in body.all_tags()]
 
 
 def test_a_layout_comes_back_from_its_file(tmp_path: Path) -> None:
@@ -116,7 +112,7 @@ def _drawn(rects: list[tuple[float, ...]], pixels_per_mm: int = 8) -> NDArray[np
 
 def test_printed_tags_have_their_size_in_both_formats() -> None:
     layout = example_layout()
-    sizes = {tag.id: tag.size_mm for tag in _all(layout)}
+    sizes = {tag.id: tag.size_mm for body in layout.bodies().values() for tag in body.all_tags()}
     finder = TagFinder(layout.family, frozenset(sizes))
     pages = tag_pages(layout)
     found: dict[str, dict[int, float]] = {"svg": {}, "pdf": {}}
@@ -139,7 +135,7 @@ def test_printed_tags_have_their_size_in_both_formats() -> None:
         assert all(abs(tags[tag] - sizes[tag]) < 0.1 for tag in sizes), kind
 
 
-def test_the_table_sheet_has_its_tags_where_the_layout_says() -> None:
+def test_the_table_sheet_has_its_tags_where_the_layout_says(tmp_path: Path) -> None:
     layout = example_layout()
     page = tag_pages(layout)[0]
     tags = TagFinder(layout.family, frozenset(range(4))).find(_drawn([tuple(rect) for rect in page.ink]))
@@ -148,11 +144,8 @@ def test_the_table_sheet_has_its_tags_where_the_layout_says() -> None:
         # The table's x runs down the page, its y to the right.
         want = np.column_stack([105 + y_mm, 297 / 2 + 8 + x_mm]) * 8
         assert np.abs(tags[tag.id] - want).max() < 1.5, tag.id
-
-
-def test_sheets_are_pdf_or_svg(tmp_path: Path) -> None:
     with pytest.raises(InvalidValueError, match=r"\.pdf or \.svg"):
-        write_pages(tmp_path / "tags.docx", [board_page()])
+        write_pages(tmp_path / "tags.docx", [page])
 
 
 @pytest.fixture(scope="module")
@@ -222,15 +215,12 @@ def test_a_camera_that_is_pushed_moves_all_of_the_table_s_tags(
     assert follow_bodies(sightings, SMALL, layout).n_moved == n_moved
 
 
-def test_a_scene_without_its_table_is_refused() -> None:
+def test_a_scene_without_its_table_or_of_another_size_is_refused() -> None:
     dark = np.zeros((720, 1280), np.uint8)
     with pytest.raises(RecordingError, match="table's tags"):
         track_scene([(0.0, dark), (0.1, dark)], SMALL, example_layout())
-
-
-def test_pictures_of_another_size_are_refused() -> None:
     with pytest.raises(RecordingError, match="calibrated at 1280×720"):
-        track_scene([(0.0, np.zeros((480, 640), np.uint8))], SMALL, example_layout())
+        track_scene([(0.0, dark[:480, :640])], SMALL, example_layout())
 
 
 @pytest.mark.slow

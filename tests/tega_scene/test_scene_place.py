@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -126,11 +127,7 @@ def test_a_lift_without_a_second_mark_says_nothing_of_one(carried: TrueTrial) ->
 
 @pytest.mark.parametrize(
     ("mark", "text"),
-    [
-        ((float("nan"), 0.0), "not a place"),
-        ((0.0, float("inf")), "not a place"),
-        ((0.9, 0.9), "not on the table"),
-    ],
+    [((math.nan, 0.0), "not a place"), ((0.0, math.inf), "not a place"), ((0.9, 0.9), "not on the table")],
 )
 def test_a_mark_that_is_nowhere_on_the_table_is_refused(mark: tuple[float, float], text: str) -> None:
     with pytest.raises(InvalidValueError, match=text):
@@ -144,7 +141,7 @@ def test_a_mark_that_is_nowhere_on_the_table_is_refused(mark: tuple[float, float
 def test_the_verb_refuses_such_a_mark_before_it_looks_at_a_video(
     tmp_path: Path, mark: str, text: str
 ) -> None:
-    words = [
+    words = (
         "scene",
         "score",
         str(tmp_path / "a.mp4"),
@@ -154,7 +151,7 @@ def test_the_verb_refuses_such_a_mark_before_it_looks_at_a_video(
         "a.toml",
         "--mark",
         mark,
-    ]
+    )
     done = CliRunner().invoke(cli, words)
     assert done.exit_code != 0
     assert text in done.output + str(done.exception)

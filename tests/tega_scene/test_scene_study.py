@@ -109,39 +109,19 @@ def test_a_place_that_was_measured_is_compared_with_who_corrected_it_alone(folde
 def test_a_person_corrects_and_both_are_kept(folder: Path) -> None:
     before = measured_path(folder, "p01").read_bytes()
     struck = [event.n for event in read_measured(folder, "p01") if event.kind == "slip"][1]
-    message = CliRunner().invoke(
-        cli,
-        [
-            "scene",
-            "confirm",
-            str(folder),
-            "p01",
-            "1",
-            "--rater",
-            "r1",
-            "--strike",
-            str(struck),
-            "--add",
-            "drop=6.5",
-        ],
-    )
+    words = ["--rater", "r1", "--strike", str(struck), "--add", "drop=6.5"]
+    message = CliRunner().invoke(cli, ["scene", "confirm", str(folder), "p01", "1", *words])
     assert message.exit_code == 0, message.output
     assert message.output == "p01 trial 1, as r1 has it: lift_off, slip, drop, placed\n"
     assert measured_path(folder, "p01").read_bytes() == before
     mine = read_observers(folder, "p01")["camera+r1"]
     assert saw_whole(mine, 1, 1)
-    assert [(e.kind, (e.t_ns - BEGIN_NS) / 1e9) for e in mine if e.kind in {"slip", "drop"}] == [
-        ("slip", 3.0),
-        ("drop", 6.5),
-    ]
+    events = [(e.kind, (e.t_ns - BEGIN_NS) / 1e9) for e in mine if e.kind in {"slip", "drop"}]
+    assert events == [("slip", 3.0), ("drop", 6.5)]
     with pytest.raises(InvalidValueError, match="confirmed trial 1 before"):
         confirm_trial(folder, "p01", 1, "r1")
-    assert [event.kind for event in confirm_trial(folder, "p01", 1, "r2")] == [
-        "lift_off",
-        "slip",
-        "slip",
-        "placed",
-    ]
+    kinds = [event.kind for event in confirm_trial(folder, "p01", 1, "r2")]
+    assert kinds == ["lift_off", "slip", "slip", "placed"]
 
 
 def test_who_watched_comes_before_who_confirmed_the_camera(folder: Path) -> None:
@@ -218,18 +198,9 @@ def test_the_measured_outcome_counts_if_the_plan_says_so(folder: Path, *, droppe
     assert (by_camera.success, by_camera.slips, by_camera.lift_off_s) == (True, 2, 2.0)
     assert (by_camera.rater, by_camera.counted_by) == (CAMERA, CAMERA)
     second = [event.n for event in read_measured(folder, "p01") if event.kind == "slip"][1]
-    confirm_trial(
-        folder, "p01", 1, "r1", struck=(second,), added=(("drop", 6.0),) if dropped else (("slip", 6.0),)
-    )
-    (corrected,) = study_trials(folder)[1]
-    assert corrected.counted_by == "camera+r1"
-    assert (corrected.slips, corrected.drops, corrected.success) == (
-        (1, 1, False) if dropped else (2, 0, True)
-    )
+    confirm_trial(folder, "p01", 1, "r1", struck=(second,), added=(("drop" if dropped else "slip", 6.0),))
     export(folder, folder.with_name("open"), key="secret")
-    (copied,) = study_trials(folder.with_name("open"))[1]
-    assert (copied.slips, copied.drops, copied.success) == (
-        corrected.slips,
-        corrected.drops,
-        corrected.success,
-    )
+    (corrected,), (copied,) = study_trials(folder)[1], study_trials(folder.with_name("open"))[1]
+    assert corrected.counted_by == "camera+r1"
+    for one in (corrected, copied):
+        assert (one.slips, one.drops, one.success) == ((1, 1, False) if dropped else (2, 0, True))
