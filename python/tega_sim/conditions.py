@@ -22,12 +22,9 @@ control: the same reflex receives the true speed of the slide.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Final, Literal, NamedTuple, TypeAlias, get_args
 
-from tega.haptics import Layout, MotorLevels
-from tega_sim.operator import sham_vest
-from tega_sim.operator.shams import Sham, ShamName
+from tega_sim.operator.shams import ShamName
 
 Condition = Literal[
     "haptic",
@@ -118,13 +115,3 @@ ARMS: Final[dict[Condition, Arm]] = {
 
 SESSION_CONDITIONS: tuple[Condition, ...] = tuple(name for name, arm in ARMS.items() if arm.skin == "own")
 """Those that one person can meet in one session: their own skin stays on."""
-
-
-def worn(
-    condition: Condition, *, layout: Layout, seed: int, recorded: Sequence[tuple[float, MotorLevels]] = ()
-) -> Sham:
-    """Return the function that turns the frames that were made into those that are worn.
-
-    ``seed`` is that of random shams; ``replayed`` needs ``recorded``: seconds and frames of another trial.
-    """
-    return sham_vest(ARMS[condition].sham, seed=seed, layout=layout, recorded=recorded)

@@ -42,7 +42,6 @@ from tega_sim.operator import (
 from tega_sim.operator.motor import AWAY_M
 from tega_sim.operator.scripted import COURSES
 from tega_sim.plan import FULL_N, TrialPlan, loop_settings
-from tega_sim.seams import Indenter
 
 EMG_HZ = 1000.0
 """Rate of the EMG."""
@@ -148,17 +147,14 @@ class Lab:
             force_n = (
                 FULL_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
             )
-            image = gel.frame([_object(press, force_n)], number)
+            pressing = (
+                board(force_n=force_n) if press % 2 else ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
+            )
+            image = gel.frame([pressing], number)
             contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)
         return guided_maxima(contacts)
-
-
-def _object(press: int, force_n: float) -> Indenter:
-    if press % 2 == 0:
-        return ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
-    return board(force_n=force_n)
 
 
 @lru_cache(maxsize=8)

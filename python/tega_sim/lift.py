@@ -25,11 +25,11 @@ from tega.safety.guard import Guard
 from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, Shape, ViewState
-from tega_sim.conditions import ARMS, worn
+from tega_sim.conditions import ARMS
 from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ, Lab
-from tega_sim.operator import Operator
+from tega_sim.operator import Operator, sham_vest
 from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
@@ -82,9 +82,8 @@ class Lift:
         lift_by_s: float = LIFT_WINDOW_S,
     ) -> None:
         spec = plan.object_spec
-        self._lab, self._plan, self._person = lab, plan, person
+        self._lab, self._plan = lab, plan
         self._streams, self._recorder = streams, recorder
-        self._full_duty_nm = FULL_DUTY_NM
         self.layout: Layout = lab.config.vest.layout or _LAYOUT
         self._controller = hand_controller()
         self._level_sum = self._level_n = 0
@@ -113,7 +112,7 @@ class Lift:
             decoder=decoder,
             person=person,
             emg=self._emg,
-            worn=worn(plan.condition, layout=self.layout, seed=plan.seed, recorded=recorded),
+            worn=sham_vest(self._arm.sham, seed=plan.seed, layout=self.layout, recorded=recorded),
             scorer=self.scorer,
             bus=self._bus,
             end_s=lift_by_s + _AFTER_S,
@@ -164,17 +163,16 @@ class Lift:
     def go(
         self,
         *,
-        real_time: bool,
-        observer: Callable[[ViewState], None] | None,
-        stop: Callable[[], bool],
-        paused: Callable[[], bool],
+        real_time: bool = False,
+        observer: Callable[[ViewState], None] | None = None,
+        stop: Callable[[], bool] = lambda: False,
+        paused: Callable[[], bool] = lambda: False,
     ) -> None:
         """Run the loop until the lift is over; see :func:`tega_sim.trial.run_trial`.
 
         An observer receives camera frames only if the lift was made with ``watched``.
         """
         rig, world = self.rig, self.rig.world
-
         if observer is not None:
             self._bus.subscribe(
                 Snapshot, lambda snapshot: observer(self._snapshot(snapshot.view)), vital=True
@@ -186,7 +184,7 @@ class Lift:
             stages = stages_of(self._lab, self._plan)
             self._recorder.begin(self._lab, self._bus, stages=stages, layout=self.layout)
         hand = SimulatedAllegro(self._controller, lambda: world.angles_rad)
-        bus = SimulatedBus(world.set_torques, full_duty=self._full_duty_nm)
+        bus = SimulatedBus(world.set_torques, full_duty=FULL_DUTY_NM)
         vests: list[Sink[MotorLevels]] = [rig] if self._streams is None else [rig, self._streams]
         guard = None if observer is None else Guard()  # nothing here gets lost; its state is shown
         loop = DualLoop(
@@ -337,9 +335,8 @@ def _remembers(lab: Lab) -> bool:
 def other_vest(lab: Lab, plan: TrialPlan, number: int) -> list[tuple[float, MotorLevels]]:
     """Return times in seconds and frames of the vest in the other trial; who lifts there has learned nothing yet."""
     other, streams = plan.other, Streams()
-    person = lab.person(other)
-    lift = Lift(lab, other, person, number, streams=streams)
-    lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    lift = Lift(lab, other, lab.person(other), number, streams=streams)
+    lift.go()
     return [
         (t_s, MotorLevels(lift.layout, np.array(levels, np.uint8))) for t_s, *levels in streams.rows["vest"]
     ]

@@ -34,7 +34,6 @@ from tega.stages.base import Decoder, MeasuredPicture
 from tega.ui.view.state import TouchImage
 from tega_sim.filling import Filling
 from tega_sim.gel import CAMERA_HZ
-from tega_sim.hand import encoded
 from tega_sim.lab import Lab
 from tega_sim.operator import ForearmEmg
 from tega_sim.operator.shams import Sham
@@ -54,11 +53,6 @@ _PLACING = frozenset({"place", "release", "done"})
 
 class TrialSteering(Protocol):
     """Operator of a lift: a simulated person, a script, a hand on a keyboard."""
-
-    @property
-    def level(self) -> int:
-        """Level aimed at now, 1 to 5."""
-        ...
 
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
         """Start a lift of an object of a name and width, the how many-th of it, after so much rest."""
@@ -234,7 +228,7 @@ class TrialRig:
                 self.levels.put(intent, next_ns=t_ns + self._block_ns)
         truth = self.truth = self.world.truth()
         t_s = t_ns / 1e9
-        percept = Percept(t_s, truth, self.vest, self.closure(), encoded(self.world.angles_rad))
+        percept = Percept(t_s, truth, self.vest, self.closure())
         act = self.act = self._person.act(percept)
         self.world.set_forearm(act.forearm_m)
         if self._filling is not None:

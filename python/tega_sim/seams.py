@@ -67,14 +67,12 @@ class Percept(NamedTuple):
     Attributes:
         vest: Current frame of the vest's motors; ``None`` if it is off or not worn.
         closure: The hand's closure as it can be seen, levels 1 to 5 with fractions; ``None``: not shown.
-        angles_rad: Its 16 joint angles, for logs of the sensors only: no person sees them; ``None`` likewise.
     """
 
     t_s: float
     scene: WorldTruth
     vest: MotorLevels | None
     closure: float | None = None
-    angles_rad: NDArray[np.float64] | None = None
 
 
 class Act(NamedTuple):

@@ -67,7 +67,7 @@ def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) 
         return 0.0
     script = LevelScript(full_effort=lab.calibrated.full_effort)
     run = Lift(lab, plan, script, number, lift_by_s=_END_S + 1.0)
-    run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    run.go()
     first, last, look_s = round(_REACHED_S * 1e9) // ACT_NS, len(script.vest) - 1, ACT_NS / 1e9
     person.practise(plan.object, lambda t_s, _level: script.vest[min(first + round(t_s / look_s), last)])
     return run.end_s

@@ -67,7 +67,7 @@ def lift(
     plan = TrialPlan.checked({"object": name, "condition": condition, "seed": 3, "operator": "scripted"})
     wearer, streams = Wearer(course), Streams()
     run = Lift(lab, plan, wearer, 0, streams=streams, skip_untouched=not dark)
-    run.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    run.go()
     return wearer, streams
 
 

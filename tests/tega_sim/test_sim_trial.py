@@ -105,8 +105,6 @@ def test_the_tables_hold_what_the_arrays_do(lift, tmp_path: Path) -> None:
 class Onlooker:
     """Somebody who only looks."""
 
-    level = 1
-
     def __init__(self) -> None:
         self.vests: list[object] = []
 

@@ -15,7 +15,7 @@ import numpy as np
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
 from tega_sim.operator.belief import Closure, ObjectBelief, Panel
-from tega_sim.operator.grip import Decision, GripDecisions
+from tega_sim.operator.grip import GripDecisions
 from tega_sim.operator.motor import MuscleMotor, SimulatedForearm
 from tega_sim.operator.person import PersonNumbers, stream
 from tega_sim.operator.vest_sense import POLL_S, Skin
@@ -168,16 +168,6 @@ class Operator:
                 for panel in _PANELS:
                     if (felt := self._skin.mean_log(panel, t_s - _VEST_READ_S)) is not None:
                         belief.closure.feel(panel, *felt)
-
-    @property
-    def commands(self) -> tuple[Decision, ...]:
-        """The commands of this trial so far."""
-        return tuple(self._trial.grip.commands) if self._trial is not None else ()
-
-    @property
-    def level(self) -> int:
-        """The level the person aims at now."""
-        return self._trial.grip.level if self._trial is not None else 1
 
     def _decide(self, t_s: float, percept: Percept, trial: TrialOfPerson) -> None:
         grip = trial.grip

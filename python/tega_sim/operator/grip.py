@@ -61,7 +61,6 @@ class GripDecisions:
         self.phase = "reach"
         self.away_m = 0.0
         self.level = 1
-        self.commands: list[Decision] = []
         self.closure.set(1.0, self._renewed(1))
         self._tightened, self._suffices = False, _NEVER
         self._commanded_s = 0.0
@@ -205,8 +204,7 @@ class GripDecisions:
         # The sense of effort is off by the same share as before a correction: nothing new is learned from it.
         self._judged = corrects
         self._posed = self._need_reported = self._harm_reported = False
-        self.commands.append(Decision(t_s, level, why, level - x if corrects else None))
-        return self.commands[-1]
+        return Decision(t_s, level, why, level - x if corrects else None)
 
     def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
         """Go through the phases; return a level where the phase itself asks for one."""

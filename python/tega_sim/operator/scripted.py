@@ -100,11 +100,6 @@ class ScriptedOperator:
         del name, width_m, trial, rest_s
         self._forearm, self._next = SimulatedForearm((0.0, _FARTHEST_M)), 0
 
-    @property
-    def level(self) -> int:
-        """Whole level that the script aims at now."""
-        return round(self._course[max(self._next - 1, 0)].level)
-
     def act(self, percept: Percept) -> Act:
         """Return the script's act for the percept's time; time must not go back."""
         return self.at(percept.t_s)

@@ -99,7 +99,7 @@ def _go(job: SessionJob, folder: Path) -> None:
                 practised.add((trial.object, trial.condition))
                 practise(lab, requested, mind, trial.trial)
             lift = Lift(lab, requested, mind, trial.trial, fatigue=fatigue, streams=streams)
-            lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+            lift.go()
             fatigue = lift.fatigue
             result = lift.result(lift.end_s)
             results.write(msgspec.json.encode(result) + b"\n")

@@ -44,11 +44,6 @@ class Holding:
         self._person = person
         self._held: Act | None = None
 
-    @property
-    def level(self) -> int:
-        """Level aimed at now."""
-        return self._person.level
-
     def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
         """Start a lift."""
         self._person.begin(name, width_m=width_m, trial=trial, rest_s=rest_s)
@@ -74,7 +69,7 @@ def make(session: Path, seconds: float) -> None:
         recorder=recorder,
         lift_by_s=max(seconds - _AFTER_S, _AFTER_S),
     )
-    lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    lift.go()
     recorder.finish(lift.result(lift.end_s))
 
 

@@ -89,7 +89,7 @@ def true_trial(plan: TrialPlan) -> TrueTrial:
     streams = _TrueStreams()
     lift = Lift(lab, plan, lab.person(plan), 0, streams=streams)
     streams.lift = lift
-    lift.go(real_time=False, observer=None, stop=lambda: False, paused=lambda: False)
+    lift.go()
     world = lift.rig.world
     if lift.scorer.time_of("drop") is not None:
         # The lift is over then; a camera goes on to see the object fall.
