@@ -22,12 +22,12 @@ def test_every_built_in_driver_is_put_through_the_contract() -> None:
     assert built_in == set(BENCHES)
 
 
-# Each waits some five seconds for a device that answers in its own time.
-_WAITS = {"chords", "lsl-emg"}
+# Each waits some seconds for a device that answers in its own time, or computes a whole bench.
+_LONG = {"allegro", "bench-arm", "chords", "lsl-emg"}
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n in _WAITS else ()) for n in driver_names()]
+    "name", [pytest.param(n, marks=pytest.mark.slow if n in _LONG else ()) for n in driver_names()]
 )
 def test_contract(name: str, tmp_path: Path) -> None:
     if name not in BENCHES:

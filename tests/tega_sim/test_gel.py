@@ -50,7 +50,7 @@ def test_no_two_frames_in_a_row_are_equal() -> None:
 def test_noise_has_the_measured_statistics() -> None:
     gel = Gel(2, spread=0.0)
     still = gel.still().astype(float)
-    noise = np.array([gel.frame([], n) - still for n in range(40)])
+    noise = np.array([gel.frame([], n) - still for n in range(10)])
     assert noise.std(axis=(0, 1, 2)) == pytest.approx([3.30, 1.70, 2.85], rel=0.05)
     flat = noise.reshape(-1, 3)
     channels = np.corrcoef(flat.T)
@@ -194,17 +194,17 @@ def test_a_held_force_creeps_in_and_an_eased_one_stays_deeper() -> None:
 def test_memory_hangs_on_times_and_not_on_how_many_frames_were_seen() -> None:
     # Every frame, and every seventh besides those at which the press changes.
     every, some = Gel(5, memory=True), Gel(5, memory=True)
-    for number in range(301):
-        press = [ball(force_n=3.0)] if 60 <= number < 180 else []
+    for number in range(151):
+        press = [ball(force_n=3.0)] if 30 <= number < 90 else []
         displayed = every.frame(press, number)
-        if number % 7 and number not in {60, 180}:
+        if number % 7 and number not in {30, 90}:
             continue
         seen = some.frame(press, number)
         assert every.displacement_mm() == pytest.approx(some.displacement_mm(), abs=2e-3)
         assert np.abs(displayed.astype(int) - seen).max() <= 1
     again = Gel(5, memory=True)
-    for number in range(301):
-        last = again.frame([ball(force_n=3.0)] if 60 <= number < 180 else [], number)
+    for number in range(151):
+        last = again.frame([ball(force_n=3.0)] if 30 <= number < 90 else [], number)
     assert np.array_equal(last, displayed)
 
 
@@ -230,7 +230,7 @@ def test_a_gel_with_memory_left_alone_drifts_as_a_recorded_one() -> None:
         ]
         return float(np.abs(cells).max())
 
-    drifts = [most(Gel(seed, memory=True)) for seed in range(8)]
+    drifts = [most(Gel(seed, memory=True)) for seed in range(4)]
     # The recorded one went 11 counts from its first moment and 7 from when it was warm.
     assert 4 < np.median(drifts) < 11
-    assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(8)])
+    assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(4)])

@@ -14,8 +14,14 @@ from tega_sim.world import GRASP_POSES_RAD, OBJECTS, World
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 
-@pytest.mark.parametrize("level", [3, 4, 5])
-@pytest.mark.parametrize("name", OBJECTS)
+@pytest.mark.parametrize(
+    ("name", "level"),
+    [
+        pytest.param(name, level, marks=[] if level == 3 + k else [pytest.mark.slow])
+        for k, name in enumerate(OBJECTS)
+        for level in (3, 4, 5)
+    ],
+)
 def test_contacts_of_a_hold_are_in_the_picture(name: str, level: int) -> None:
     held = grip(name, level, GRASP_POSES_RAD, seed=2, shares=True)
     assert held.held

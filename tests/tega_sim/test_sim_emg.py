@@ -42,8 +42,7 @@ def median_hz(samples: NDArray[np.float64], rate_hz: float) -> float:
     return float(np.interp(total[-1] / 2, total, f[inside]))
 
 
-@pytest.mark.parametrize("fatigue", [0.0, 0.43, 0.86])
-@pytest.mark.parametrize("rate_hz", [1000, 2000])
+@pytest.mark.parametrize(("rate_hz", "fatigue"), [(1000, 0.0), (1000, 0.86), (2000, 0.43)])
 def test_the_spectrum_is_the_printed_one_and_falls_with_fatigue(rate_hz: int, fatigue: float) -> None:
     forearm = ForearmEmg(person(**CLEAN, **FRESH, recovery_per_s=0), seed=3, rate_hz=rate_hz, settled=True)
     forearm.fatigue = fatigue
@@ -56,26 +55,26 @@ def test_the_spectrum_is_the_printed_one_and_falls_with_fatigue(rate_hz: int, fa
     assert [median_hz(samples[:, m], rate_hz) for m in range(3)] == pytest.approx([expected] * 3, abs=3.0)
 
 
-@pytest.mark.parametrize("power", [0.8, 1.0, 1.3, 1.6])
+@pytest.mark.parametrize("power", [0.8, 1.6])
 def test_amplitude_is_the_set_power_of_effort(power: float) -> None:
     efforts = np.array([0.02, 0.1, 0.2, 0.4, 0.8])
     who = person(**CLEAN, **FRESH, power=power, rest_share=0.0)
-    spread = np.array([squeeze(who, u, 20).std(axis=0).tolist() for u in efforts])
+    spread = np.array([squeeze(who, u, 10).std(axis=0).tolist() for u in efforts])
     for m, peak_uv in enumerate((420, 330, 300)):
         slope, level = np.polyfit(np.log(efforts), np.log(spread[:, m]), 1)
         assert slope == pytest.approx(power, abs=0.01)
         assert 0.99 * peak_uv < math.exp(level) < 1.06 * peak_uv  # crosstalk adds a little
 
 
-@pytest.mark.parametrize("block_s", [0.05, 0.1, 0.2, 0.5])
-def test_block_means_vary_as_band_limited_gaussian_noise_does(block_s: float) -> None:
+def test_block_means_vary_as_band_limited_gaussian_noise_does() -> None:
     samples = squeeze(person(**CLEAN, **FRESH), 0.5, 240, rate_hz=2000)
     band = signal.butter(4, [20, 450], "bandpass", fs=2000, output="sos")
     rectified = np.abs(signal.sosfilt(band, samples - samples[0], axis=0))[2000:]
-    tau = round(block_s * 2000)
-    means = rectified[: len(rectified) // tau * tau].reshape(-1, tau, 3).mean(axis=1)
-    law = math.sqrt(0.571 / (2 * 181 * block_s))
-    assert float(np.mean(means.std(axis=0) / means.mean(axis=0))) == pytest.approx(law, rel=0.1)
+    for block_s in (0.05, 0.1, 0.2, 0.5):
+        tau = round(block_s * 2000)
+        means = rectified[: len(rectified) // tau * tau].reshape(-1, tau, 3).mean(axis=1)
+        law = math.sqrt(0.571 / (2 * 181 * block_s))
+        assert float(np.mean(means.std(axis=0) / means.mean(axis=0))) == pytest.approx(law, rel=0.1)
 
 
 def test_neighbouring_flexors_share_signal_as_the_crosstalk_says() -> None:
@@ -98,7 +97,7 @@ def test_artefacts_are_slow_large_and_more_frequent_in_fast_movement() -> None:
     def slow_uv(speed_m_s: float, **emg: float) -> float:
         who = person(drift_uv=0, mains_uv=0, white_uv=0, **emg)
         forearm = ForearmEmg(who, seed=8, settled=True)
-        acts = [Act(0.0, (0.1 + speed_m_s / 100 * (k % 2), 0.0), "hold") for k in range(6000)]
+        acts = [Act(0.0, (0.1 + speed_m_s / 100 * (k % 2), 0.0), "hold") for k in range(3000)]
         samples = np.concatenate([forearm.samples(act) for act in acts])
         low = signal.butter(2, 10, fs=1000, output="sos")
         return float(signal.sosfiltfilt(low, samples - 1650, axis=0).std())
@@ -118,7 +117,7 @@ def test_posture_and_session_change_the_gains_by_a_tenth() -> None:
 
     ratios = [amplitude(label, 0.2) / amplitude(label, 0.0) for label in range(3)]
     assert ratios[0] == pytest.approx(ratios[1], rel=2e-3)  # the same arm
-    sessions = np.log([amplitude(label, 0.0) for label in range(60)])
+    sessions = np.log([amplitude(label, 0.0) for label in range(30)])
     assert np.mean(sessions.std(axis=0)) == pytest.approx(math.hypot(0.10, 0.04), abs=0.02)
 
 
@@ -131,7 +130,7 @@ def test_sixty_trials_tire_a_little_and_endurance_falls_with_effort() -> None:
             forearm.rest(60)
         return before_rest
 
-    assert [after(u) for u in (0.3, 0.5, 0.7)] == pytest.approx([0.06, 0.11, 0.15], abs=0.01)
+    assert [after(u) for u in (0.3, 0.7)] == pytest.approx([0.06, 0.15], abs=0.01)
 
 
 def test_the_chain_sees_effort_only_where_it_rectifies() -> None:
@@ -150,7 +149,7 @@ def test_the_chain_sees_effort_only_where_it_rectifies() -> None:
     rate_hz=st.sampled_from([200.0, 333.3, 1000.0, 2000.0]),
     seed=st.integers(0, 5),
 )
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=8)
 def test_any_division_into_calls_gives_the_same_samples(cuts: list[int], rate_hz: float, seed: int) -> None:
     course = 0.5 + 0.4 * np.sin(np.arange(240) / 30)
     whole = ForearmEmg(typical_person(), seed=seed, rate_hz=rate_hz).course(course)
@@ -194,7 +193,10 @@ def test_calibration_teaches_the_effort_that_the_maxima_stand_for(preset: Any) -
 
 @pytest.mark.parametrize(
     ("error", "n_holds", "expected", "tolerance"),
-    [(0.0, 4, (1.0, 1.0, 0.96, 0.90, 0.82), 0.06), (0.10, 24, (1.0, 0.94, 0.81, 0.66, 0.65), 0.13)],
+    [
+        (0.0, 4, (1.0, 1.0, 0.96, 0.90, 0.82), 0.06),
+        pytest.param(0.10, 24, (1.0, 0.94, 0.81, 0.66, 0.65), 0.13, marks=pytest.mark.slow),
+    ],
 )
 def test_levels_are_held_as_well_as_an_independent_script_says(
     error: float, n_holds: int, expected: tuple[float, ...], tolerance: float
