@@ -10,8 +10,10 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
+import msgspec
+
 from tega.haptics import MotorLevels, intensity, vest_frame
-from tega_sim.operator import Operator
+from tega_sim.operator import Operator, PersonNumbers, typical_person
 from tega_sim.seams import Act, Percept, WorldTruth
 
 HAND_S = 0.25
@@ -28,6 +30,15 @@ FULL_EFFORT = 0.7
 """Excitation that closes the hand fully."""
 
 HELD = frozenset({"lift", "hold", "place"})
+
+
+def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:
+    """Return a person with other numbers in one section."""
+    return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
+
+
+EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.0)
+"""A typical person whose muscles do what they are told."""
 
 
 class GraspOutcome(NamedTuple):

@@ -199,8 +199,10 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("camera", "kind", "message"),
     [
-        ({"source": "/dev/video98"}, DeviceUnavailableError, "does not open"),
-        ({"source": "nothing.mp4"}, RecordingError, "nothing.mp4"),
+        pytest.param(
+            {"source": "/dev/video98"}, DeviceUnavailableError, "does not open", marks=pytest.mark.slow
+        ),
+        pytest.param({"source": "nothing.mp4"}, RecordingError, "nothing.mp4", marks=pytest.mark.slow),
         ({"source": "film.avi", "width": 320}, RecordingError, "a picture of 192×128, not 320×128"),
     ],
 )

@@ -79,7 +79,7 @@ def test_a_run_can_begin_anywhere(recorded: Path, tmp_path: Path) -> None:
     assert any(max(frame) > 30 for frame in now.values())
 
 
-@pytest.mark.parametrize(("at_s", "to_s"), [(0.5, 2.0), (2.0, 0.5), (2.9, 0.0)])
+@pytest.mark.parametrize(("at_s", "to_s"), [(0.5, 2.0), (2.9, 0.0)])
 def test_a_jump_goes_there_and_the_run_ends_as_much_earlier_or_later(
     recorded: Path, tmp_path: Path, at_s: float, to_s: float
 ) -> None:

@@ -77,7 +77,10 @@ def frames(streams: Streams) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     return np.array([row[0] for row in rows]), np.array([row[1:] for row in rows], np.int64)
 
 
-@pytest.mark.parametrize(("condition", "law"), [("true-force", "logistic"), ("ideal-vest", "linear")])
+@pytest.mark.parametrize(
+    ("condition", "law"),
+    [("true-force", "logistic"), pytest.param("ideal-vest", "linear", marks=pytest.mark.slow)],
+)
 def test_a_true_vest_follows_the_pads_true_forces(lab: Lab, condition: str, law: str) -> None:
     wearer, streams = lift(lab, condition, TOUCH)
     t_s, sent = frames(streams)
@@ -121,6 +124,7 @@ def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(l
     assert 0 <= first_s - onset_s <= VEST_TICK_S + 1e-6
 
 
+@pytest.mark.slow
 def test_the_oracle_tells_nothing_without_a_slip(lab: Lab) -> None:
     _, streams = lift(lab, "oracle", HELD)
     assert streams.array("truth", "lift_off").any()

@@ -7,27 +7,19 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reference.plant import Grasp, grasp
+from reference.plant import EXACT, Grasp, grasp, with_
 from tega.errors import ConfigError, InvalidValueError
-from tega_sim.operator import Operator, PersonNumbers, draw_person, load_parameters, sham_vest, typical_person
+from tega_sim.operator import Operator, draw_person, load_parameters, sham_vest, typical_person
 from tega_sim.operator.belief import ObjectBelief, above, below
 from tega_sim.operator.person import stream
 from tega_sim.seams import Percept, WorldTruth
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 FILE = Path(__file__).parents[2] / "python/tega_sim/operator/parameters.toml"
-
-
-def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:
-    return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
-
-
-EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.0)
 
 
 # --- parameters and population ---

@@ -32,6 +32,7 @@ def test_an_object_is_carried_to_the_second_mark_and_stands_there_let_go_of() ->
     assert msgspec.json.decode(msgspec.json.encode(done), type=TrialResult) == done
 
 
+@pytest.mark.slow
 def test_what_slides_out_of_the_hand_on_its_way_is_not_placed() -> None:
     lost = tried(task="place", friction=0.25, mass_kg=0.8)
     assert (lost.placed, lost.success) == (False, False)

@@ -20,6 +20,7 @@ from tega.ui.cli.main import main
 from tega_sim import trials as trials_module
 from tega_sim.gel import Gel
 from tega_sim.lab import lab_of
+from tega_sim.operator.scripted import DEFAULT_COURSE, ScriptedOperator, Step
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
@@ -53,8 +54,17 @@ def test_a_script_lifts_the_container_through_the_whole_loop(lift) -> None:
     assert vest[-1].max() == 0
 
 
-def test_sensors_and_truth_agree_on_whether_a_finger_touches(lift) -> None:
-    _, streams = lift
+@pytest.fixture(scope="module")
+def touched() -> Streams:
+    """Close the hand on the container where it stands, and open it."""
+    opened = (Step(3.8, "hold", 1, (0.0, 0.0), 0.0), Step(5.2, "done", 1, (0.0, 0.0), 0.0))
+    streams = Streams()
+    run_trial(SCRIPTED, person=ScriptedOperator((*DEFAULT_COURSE[:3], *opened)), streams=streams)
+    return streams
+
+
+def test_sensors_and_truth_agree_on_whether_a_finger_touches(touched) -> None:
+    streams = touched
     for finger in ("index", "middle"):
         truth_t_s, force_n = streams.array("truth", "t_s"), streams.array("truth", f"{finger}_force_n")
         seen = streams.array("contacts", "in_contact", where=("finger", finger))
@@ -64,6 +74,7 @@ def test_sensors_and_truth_agree_on_whether_a_finger_touches(lift) -> None:
         longest_n = [
             force_n[(truth_t_s > t - 0.12) & (truth_t_s <= t + 0.01)].max(initial=0.0) for t in then_s
         ]
+        assert seen.any()
         assert not seen[np.array(longest_n) == 0].any()
 
 
@@ -93,8 +104,8 @@ def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
     assert not n_rendered
 
 
-def test_the_tables_hold_what_the_arrays_do(lift, tmp_path: Path) -> None:
-    _, streams = lift
+def test_the_tables_hold_what_the_arrays_do(touched, tmp_path: Path) -> None:
+    streams = touched
     streams.write_tables(tmp_path)
     lines = (tmp_path / "truth.csv").read_text().splitlines()
     assert lines[0].startswith("t_s,object_height_m,lift_off,thumb_force_n")
