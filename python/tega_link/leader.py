@@ -22,29 +22,66 @@ _ASK_AGAIN_NS = 2_000_000_000
 _ASK_S = 1.0
 
 
-class Leadership:
-    """Gives the lead to the first who asks, until that operator's sign of life is gone; no clock, no thread.
+class Reception:
+    """Gives the lead to the first who asks, until that operator's sign of life is gone, and tells the station.
 
-    Empty ``operators`` let any lead. ``frame`` is the axes in which the arm's poses are wanted, ``""``
-    without an arm; ``session`` is the leader's, 0 for none.
+    Empty ``operators`` let any lead. ``frame`` is the axes in which the arm's poses are wanted, ``""`` without an
+    arm. ``lock`` is the station's, held while who leads changes. ``begin`` is called with it held: with a session
+    that begins, or ``None`` when there is none any more. ``notify`` is called with a sentence on each event.
+
+    Attributes:
+        session: The leader's, 0 for none.
+        name: The leader's.
+        welcome: Message to a new leader; ``None`` before the robot can be led.
     """
 
     def __init__(
-        self, robot: str, *, operators: Sequence[str] = (), frame: str = "", hand: bool = True
+        self,
+        robot: str,
+        lock: threading.Lock,
+        *,
+        operators: Sequence[str],
+        frame: str,
+        hand: bool,
+        begin: Callable[[int | None], None],
+        notify: Callable[[str], None],
     ) -> None:
-        self._robot, self._operators, self._frame, self._hand = robot, tuple(operators), frame, hand
+        self._robot, self._lock, self._operators = robot, lock, operators
+        self._frame, self._hand = frame, hand
+        self._begin, self._notify = begin, notify
         self.session, self.name = 0, ""
         self._since_ns = 0
         self._alive: set[tuple[str, int]] = set()
+        self.welcome: Welcome | None = None
 
-    def ask(self, join: Join, now_ns: int) -> Refused | None:
-        """Process a request for the lead; return why it is refused, ``None`` if it is given."""
-        self.check(now_ns)
-        if (refused := self._refusal(join)) is not None:
-            return refused
-        if self.session == 0:
-            self.session, self.name, self._since_ns = join.session, join.name, now_ns
-        return None
+    def is_leader(self, key: str) -> bool:
+        """Return whether a key such as ``cmd/NAME/hand`` is the leader's."""
+        return self.session != 0 and key.split("/")[1] == self.name
+
+    def join(self, key: str, requested: bytes) -> bytes:
+        """Return the answer to a question under ``join/NAME``."""
+        now_ns = time.monotonic_ns()
+        try:
+            join = decode(Join, requested)
+        except msgspec.DecodeError:
+            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
+        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
+            return encode(Refused(f"{join.name!r} asked with another name than its key allows"))
+        if self.welcome is None:
+            return encode(Refused(f"robot {self._robot!r} is still preparing", final=False))
+        with self._lock:
+            self._free_if_silent(now_ns)
+            refused = self._refusal(join)
+            is_new = refused is None and self.session == 0
+            if is_new:
+                self.session, self.name, self._since_ns = join.session, join.name, now_ns
+                self._begin(join.session)
+        if refused is not None:
+            self._notify(f"operator {join.name!r} was refused: {refused.why}")
+            return encode(refused)
+        if is_new:
+            self._notify(f"operator {join.name!r} leads")
+        return encode(msgspec.structs.replace(self.welcome, sent_ns=now_ns))
 
     def _refusal(self, join: Join) -> Refused | None:
         robot = self._robot
@@ -85,77 +122,6 @@ class Leadership:
             )
         return None
 
-    def sign(self, name: str, session: int, *, alive: bool) -> bool:
-        """Take in a sign of life, or its end; return whether the leader has gone."""
-        if alive:
-            self._alive.add((name, session))
-            return False
-        self._alive.discard((name, session))
-        if session != self.session or name != self.name:
-            return False
-        self._free()
-        return True
-
-    def check(self, now_ns: int) -> bool:
-        """Return whether the leader has gone without ever having given a sign of life."""
-        alive = (self.name, self.session) in self._alive
-        if self.session == 0 or alive or now_ns - self._since_ns <= _SIGN_NS:
-            return False
-        self._free()
-        return True
-
-    def _free(self) -> None:
-        self.session, self.name = 0, ""
-
-
-class Reception:
-    """Answers operators who ask to lead, and notices when one is gone.
-
-    ``lock`` is the station's, held while who leads changes. ``begin`` is called with it held: with a session
-    that begins, or ``None`` when there is none any more. ``notify`` is called with a sentence on each event.
-    ``welcome`` is the message to a new leader; ``None`` before the robot can be led.
-    """
-
-    def __init__(
-        self,
-        leader: Leadership,
-        lock: threading.Lock,
-        *,
-        robot: str,
-        begin: Callable[[int | None], None],
-        notify: Callable[[str], None],
-    ) -> None:
-        self._leader, self._lock, self._robot = leader, lock, robot
-        self._begin, self._notify = begin, notify
-        self.welcome: Welcome | None = None
-
-    def is_leader(self, key: str) -> bool:
-        """Return whether a key such as ``cmd/NAME/hand`` is the leader's."""
-        return self._leader.session != 0 and key.split("/")[1] == self._leader.name
-
-    def join(self, key: str, requested: bytes) -> bytes:
-        """Return the answer to a question under ``join/NAME``."""
-        now_ns = time.monotonic_ns()
-        try:
-            join = decode(Join, requested)
-        except msgspec.DecodeError:
-            return encode(Refused("this question cannot be read", "install the same version of TEGA on both"))
-        if key != f"join/{join.name}":  # who asks is known by the key, which the certificate allows
-            return encode(Refused(f"{join.name!r} asked with another name than its key allows"))
-        if self.welcome is None:
-            return encode(Refused(f"robot {self._robot!r} is still preparing", final=False))
-        with self._lock:
-            before = self._leader.session
-            refused = self._leader.ask(join, now_ns)
-            if refused is None and before != join.session:
-                self._begin(join.session)
-        if refused is not None:
-            self._notify(f"operator {join.name!r} was refused: {refused.why}")
-            return encode(refused)
-        if before != join.session:
-            self._notify(f"operator {join.name!r} leads")
-        return encode(msgspec.structs.replace(self.welcome, sent_ns=now_ns))
-
     def watch(self, key: str, alive: bool) -> None:  # noqa: FBT001  # the link's signature
         """Take in a sign of life under ``operator/NAME/SESSION``, or its end."""
         _, name, number = key.split("/")
@@ -164,23 +130,34 @@ class Reception:
         except ValueError:
             return
         with self._lock:
-            gone = self._leader.sign(name, session, alive=alive)
+            (self._alive.add if alive else self._alive.discard)((name, session))
+            gone = not alive and (name, session) == (self.name, self.session)
             if gone:
-                self._begin(None)
+                self._free()
         if gone:
             self._notify(f"operator {name!r} is gone")
 
     def check(self, now_ns: int) -> int:
         """Return the leader's session, 0 for none; who asked and never gave a sign of life leads no more."""
         with self._lock:
-            name = self._leader.name
-            gone = self._leader.check(now_ns)
-            if gone:
-                self._begin(None)
-            session = self._leader.session
+            name = self.name
+            gone = self._free_if_silent(now_ns)
+            session = self.session
         if gone:
             self._notify(f"operator {name!r} asked and then went")
         return session
+
+    def _free_if_silent(self, now_ns: int) -> bool:
+        """End the lead of who never gave a sign of life; return whether that was so."""
+        alive = (self.name, self.session) in self._alive
+        if self.session == 0 or alive or now_ns - self._since_ns <= _SIGN_NS:
+            return False
+        self._free()
+        return True
+
+    def _free(self) -> None:
+        self.session, self.name = 0, ""
+        self._begin(None)
 
 
 class Lead:

@@ -28,7 +28,7 @@ from tega.runtime.device_items import EmgChunk
 from tega_link.behind import PictureSender, SampleReceiver
 from tega_link.commands import Commands
 from tega_link.ends import FarMuscles, FarSwitch, FarTracker, far_muscles
-from tega_link.leader import Leadership, Reception
+from tega_link.leader import Reception
 from tega_link.link import Channel
 from tega_link.messages import Change, Feature, State, Welcome, encode
 from tega_link.station import Station
@@ -48,10 +48,14 @@ class RobotStation(Station):
         self._session = secrets.randbits(62) | 1
         frame = "" if arm is None else arm.mapping.frame
         self._has_hand = config.hand.driver is not None
-        leader = Leadership(net.own_name, operators=net.operators, frame=frame, hand=self._has_hand)
-        self._leader = leader
         self._reception = Reception(
-            leader, self._lock, robot=net.own_name, begin=self._begin_session, notify=self._notify
+            net.own_name,
+            self._lock,
+            operators=net.operators,
+            frame=frame,
+            hand=self._has_hand,
+            begin=self._begin_session,
+            notify=self._notify,
         )
         self._tracker = FarTracker(frame) if arm is not None else None
         self._commands = Commands(
@@ -109,7 +113,7 @@ class RobotStation(Station):
                 self._session,
                 rate_hz=self.net.images_hz,
                 quality=self.net.jpeg_quality,
-                wanted=lambda: self._leader.session != 0,
+                wanted=lambda: self._reception.session != 0,
             )
             self._pictures.open(prepared.fingers)
             self._bus.subscribe(Picture, self._pictures.observe, name="link")
@@ -165,13 +169,13 @@ class RobotStation(Station):
         """Return that no operator leads, or that the leader's commands do not come."""
         if self._error:
             return self._error
-        if self._leader.session == 0:
+        if self._reception.session == 0:
             return "link: no operator leads"
-        return self._commands.missing(self._leader.name)
+        return self._commands.missing(self._reception.name)
 
     def _contact(self, contact: Contact) -> None:
         """Send what was measured in one picture, in the loop's thread."""
-        if self._start_ns is None or self._leader.session == 0:
+        if self._start_ns is None or self._reception.session == 0:
             return
         stamp = self._stamp(self._session, contact.finger)
         feature = Feature(**stamp, t_ns=self._start_ns + contact.t_ns, contact=contact)
@@ -187,10 +191,10 @@ class RobotStation(Station):
     @property
     def words(self) -> str:
         """The leader, the commands and the clock, in one line."""
-        if not self._leader.session:
+        if not self._reception.session:
             return "waits for an operator"
         commands = self._commands
-        text = f"led by {self._leader.name}, {commands.rate_hz:.0f} commands/s"
+        text = f"led by {self._reception.name}, {commands.rate_hz:.0f} commands/s"
         if commands.route.n:
             text += f", way {commands.route.at(0.5) / 1e6:.1f} ms"
         text += f", {self._clock.words}"
@@ -223,7 +227,7 @@ class RobotStation(Station):
 
     def _receive_clock(self, key: str, data: bytes) -> None:
         if self._reception.is_leader(key):
-            self._clock.receive(key, data, self._leader.session)
+            self._clock.receive(key, data, self._reception.session)
 
     def _receive_samples(self, key: str, data: bytes) -> None:
         if self._records and self._reception.is_leader(key):
@@ -254,7 +258,7 @@ class RobotStation(Station):
         report = State(
             **self._stamp(self._session, "state"),
             leader=session,
-            leader_name=self._leader.name,
+            leader_name=self._reception.name,
             refused=self._commands.refused,
             problem=self.missing() if session else "",
         )

@@ -1,6 +1,6 @@
 """Film with one scene camera as a program of its own, so that encoding never holds the run's interpreter lock.
 
-:class:`~tega_scene.filmed_run.RunCameras` starts it. It writes packets, small frames for the page and counts to its
+:class:`~tega_scene.part.ScenePart` starts it. It writes packets, small frames for the page and counts to its
 output. At the end of its input it encodes the remaining frames, writes its counts, and ends.
 """
 

@@ -2,7 +2,7 @@
 
 Every picture is one ``foxglove.CompressedVideo`` message on ``/scene/NAME/video``. Its time is when the machine had it,
 on the monotonic clock that sessions of the same machine keep, so that a trial of a study is found in it without more.
-Cameras that a session's settings name are in the session's own recording instead (:mod:`tega_scene.filmed_run`).
+Cameras that a session's settings name are in the session's own recording instead (:mod:`tega_scene.part`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,6 @@ from tega_scene.settings import SceneConfig, VideoFormat
 from tega_scene.video import stands_alone
 
 TABLE = "tega_scene"
-_Writer = Callable[[list[tuple[int, bytes]]], None]
 _TICKS: Final = 90_000
 
 
@@ -53,22 +52,27 @@ def record_cameras(
     ``rate_hz`` pictures a second. ``stop`` is asked twenty times a second.
     """
     films: dict[str, Filming] = {}
-    writers: dict[str, _Writer] = {}
     lock = threading.Lock()
+
+    def write(camera: str, packets: list[tuple[int, bytes]]) -> None:
+        """Write packets, which have times on the monotonic clock; each camera has a thread that does so."""
+        with lock:
+            for t_ns, data in packets:
+                file.write(SceneVideo(camera=camera, t_ns=t_ns, data=data, video=video), t_ns)
+
     for name, source in cameras.items():
         plain_name(name, subject="camera", source="--camera")
         settings = SceneConfig(
             name=name, source=source, width=size[0], height=size[1], rate_hz=rate_hz, video=video
         )
-        # What writes is made with the file, which is made once every camera is open.
-        films[name] = Filming(settings, give=partial(_give, writers, name))
+        films[name] = Filming(settings, give=partial(write, name))
         films[name].open()
+    # The file is made once every camera is open.
     file = McapFile(out, lossless=True)
     file.epoch_ns = time.time_ns() - time.monotonic_ns()
     file.metadata(TABLE, {"clock": "monotonic", "epoch_ns": str(file.epoch_ns)})
     try:
-        for name, film in films.items():
-            writers[name] = partial(_write, file, lock, name, video)
+        for film in films.values():
             film.begin(0)
             film.start()
         while not stop() and any(film.is_alive for film in films.values()):
@@ -82,19 +86,6 @@ def record_cameras(
             file.metadata(f"{TABLE}.{name}", reported)
         file.close()
     return tallies
-
-
-def _give(writers: Mapping[str, _Writer], name: str, packets: list[tuple[int, bytes]]) -> None:
-    writers[name](packets)
-
-
-def _write(
-    file: McapFile, lock: threading.Lock, camera: str, video: VideoFormat, packets: list[tuple[int, bytes]]
-) -> None:
-    """Write packets, which have times on the monotonic clock; each camera has a thread that does so."""
-    for t_ns, data in packets:
-        with lock:
-            file.write(SceneVideo(camera=camera, t_ns=t_ns, data=data, video=video), t_ns)
 
 
 @reports_damage

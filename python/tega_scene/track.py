@@ -161,7 +161,6 @@ class SceneTrack(NamedTuple):
     hand: BodyTrack
     view: NDArray[np.float64]
     eye_m: NDArray[np.float64]
-    table_rms_px: float
     n_moved: int
 
 
@@ -256,7 +255,6 @@ def follow_bodies(sightings: SceneSightings, lens: Lens, layout: TagLayout) -> S
         _against_table(found["hand"], table_pose),
         up[:, 2],
         -up @ table_pose.position_m,
-        table_pose.rms_px,
         moved,
     )
 

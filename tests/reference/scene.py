@@ -119,6 +119,5 @@ def noisy_track(trial: TrueTrial, *, rate_hz: float = 30.0, seed: int = 1) -> Sc
         body(trial.palm, np.zeros(3)),
         view,
         np.array(BENCH_EYE_M),
-        0.05,
         0,
     )

@@ -98,7 +98,7 @@ def _track(off_m: NDArray[np.float64], along_m: float = 1e-3) -> SceneTrack:
         np.full(n, 3),
         *np.full((3, n), np.nan),
     )
-    return SceneTrack(FRAMES, pose, pose, ray, EYE_M, 0.05, 0)
+    return SceneTrack(FRAMES, pose, pose, ray, EYE_M, 0)
 
 
 def test_noise_along_the_view_stays_out_of_heights() -> None:

@@ -43,6 +43,7 @@ def run_demo(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> d
     return report
 
 
+@pytest.mark.slow
 def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
@@ -123,6 +124,7 @@ def test_a_choice_in_the_page_takes_the_place_of_what_is_being_lifted() -> None:
     assert list(dict.fromkeys(moments)) == ["bottle", "bag"]
     assert [trial.object for trial in report.trials] == ["bottle", "bag"]
     assert len(courses) == 2
+    assert all({"truth", "contacts", "levels", "vest"} <= course.rows.keys() for course in courses)
 
 
 def view(t_ns: int = 2_500_000_000) -> LoopView:

@@ -126,7 +126,7 @@ def test_the_unrelated_vest_covers_its_range_and_ignores_the_grip() -> None:
     first, second = sham_vest("unrelated", seed=1), sham_vest("unrelated", seed=1)
     still = vest_frame([0.0] * 4, [0.0] * 4, layout="x40")
     displayed = []
-    for n in range(18_000):
+    for n in range(9_000):
         a, b = first(n / 30, MADE), second(n / 30, still)
         assert a == b
         assert isinstance(a, MotorLevels)

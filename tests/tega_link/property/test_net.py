@@ -10,7 +10,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tega.config import check_tree
@@ -322,6 +322,7 @@ def test_no_bytes_bring_the_robot_s_station_down_or_close_its_hand(arrivals) -> 
         force_n=st.none() | _real,
     )
 )
+@settings(max_examples=15)
 def test_a_contact_comes_over_the_link_as_it_was_or_not_at_all(contact) -> None:
     touch = FarTouch("robot", ttl_ns=2**62)
     welcome = Welcome(station=1, fingers={"thumb": 60.0}, hand=False, arm=False)
