@@ -85,7 +85,7 @@ def test_the_contract_notices_a_source_that_does_not_start_again(recorded: Recor
     parent, options = recorded
     opened = []
 
-    class Forgetful(parent):  # type: ignore[misc]
+    class Forgetful(parent):  # type: ignore[valid-type, misc]
         def open(self) -> None:
             super().open()
             opened.append(self)
@@ -112,7 +112,7 @@ def test_the_contract_looks_at_what_a_driver_finds(
 ) -> None:
     parent, options = recorded
 
-    class Finder(parent):  # type: ignore[misc]
+    class Finder(parent):  # type: ignore[valid-type, misc]
         @classmethod
         def discover(cls, timeout_s: float) -> list[Found]:  # noqa: ARG003
             return [Found(**{"driver": "emg-file", **found})]
@@ -125,7 +125,7 @@ def test_the_contract_looks_at_what_a_driver_finds(
 def test_the_contract_looks_at_what_a_driver_calls_harmless(recorded: Recorded, tmp_path: Path) -> None:
     parent, options = recorded
 
-    class Careless(parent):  # type: ignore[misc]
+    class Careless(parent):  # type: ignore[valid-type, misc]
         answer: Any = Options()
 
         @classmethod

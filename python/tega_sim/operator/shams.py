@@ -58,10 +58,10 @@ def sham_vest(
         "silent": lambda: lambda _t_s, _frame: still,
         "constant": lambda: lambda _t_s, _frame: still,
         "unrelated": lambda: _Unrelated(seed, layout),
-        "replayed": lambda: _Replayed(recorded),
+        "replayed": lambda: _replayed(recorded),
         "permuted": lambda: _Permuted(seed),
         "inverted": lambda: _inverted,
-        "half": lambda: _half,
+        "half": lambda: lambda _t_s, frame: MotorLevels(frame.layout, frame.intensities // 2),
     }
     if name not in arms:
         raise InvalidValueError(f"sham = {name!r} is not known", nearest_hint(name, SHAMS))
@@ -77,8 +77,7 @@ class _Unrelated:
         self._number = -1
         self._frame = vest_frame([0.0] * 4, [0.0] * 4, layout=layout)
 
-    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
-        del frame
+    def __call__(self, t_s: float, _frame: MotorLevels) -> MotorLevels:
         keep = math.exp(-2 * math.pi * _UNRELATED_HZ * _FRAME_S)
         number = math.floor(t_s / _FRAME_S + 1e-6)
         while self._number < number:
@@ -89,16 +88,11 @@ class _Unrelated:
         return self._frame
 
 
-class _Replayed:
-    def __init__(self, recorded: Sequence[tuple[float, MotorLevels]]) -> None:
-        if not recorded:
-            raise InvalidValueError("recorded has no frame", "give the times and frames of another trial")
-        self._times = np.array([t_s for t_s, _ in recorded])
-        self._frames = [frame for _, frame in recorded]
-
-    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
-        del frame
-        return self._frames[max(int(np.searchsorted(self._times, t_s, side="right")) - 1, 0)]
+def _replayed(recorded: Sequence[tuple[float, MotorLevels]]) -> Sham:
+    if not recorded:
+        raise InvalidValueError("recorded has no frame", "give the times and frames of another trial")
+    times_s = np.array([t_s for t_s, _ in recorded])
+    return lambda t_s, _frame: recorded[max(int(np.searchsorted(times_s, t_s, side="right")) - 1, 0)][1]
 
 
 class _Permuted:
@@ -112,21 +106,14 @@ class _Permuted:
         self._order = order
         self._last: tuple[MotorLevels, MotorLevels] | None = None
 
-    def __call__(self, t_s: float, frame: MotorLevels) -> MotorLevels:
-        del t_s
+    def __call__(self, _t_s: float, frame: MotorLevels) -> MotorLevels:
         if self._last is None or self._last[0] is not frame:
             columns = frame.intensities.reshape(-1, 4)[:, self._order]
             self._last = frame, MotorLevels(frame.layout, np.ascontiguousarray(columns).reshape(-1))
         return self._last[1]
 
 
-def _inverted(t_s: float, frame: MotorLevels) -> MotorLevels:
-    del t_s
+def _inverted(_t_s: float, frame: MotorLevels) -> MotorLevels:
     # One per cent is what the printed law shows where nothing is touched.
     displayed = np.where(frame.intensities > 1, 100 - frame.intensities, frame.intensities)
     return MotorLevels(frame.layout, displayed.astype(np.uint8))
-
-
-def _half(t_s: float, frame: MotorLevels) -> MotorLevels:
-    del t_s
-    return MotorLevels(frame.layout, frame.intensities // 2)
