@@ -30,8 +30,9 @@ from tega_sim.world.objects import REMOVED_FIELDS
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGE: Final = Path(tega.__file__).parent
 _NEW: Final = "simulate anew without it; the version that wrote the study reads it"
+# A study states which rules its people followed, also former ones.
 _REMOVED: Final = {
-    **REMOVED_FIELDS,
+    **{name: field for name, field in REMOVED_FIELDS.items() if name != "rules"},
     "fresh": Removed("0.3", "people remember from one condition to the next", _NEW, False),  # noqa: FBT003
 }
 
