@@ -15,7 +15,7 @@ from tega.config import FINGERS
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.conditions import CONDITIONS
-from tega_sim.lab import Lab
+from tega_sim.lab import Lab, lab_of
 from tega_sim.lift import Lift, other_vest
 from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
 from tega_sim.operator.belief import Closure, Panel
@@ -58,7 +58,7 @@ class Wearer(ScriptedOperator):
 
 @pytest.fixture(scope="module")
 def lab() -> Lab:
-    return Lab(3, "live")
+    return lab_of(3, "live", ())
 
 
 def lift(
