@@ -170,9 +170,13 @@ def test_effort_rises_in_steps_and_lets_go() -> None:
     assert effort_at(-1.0, 10.0) == effort_at(99.0, 10.0) == 0.02
 
 
-def test_synthetic_emg_follows_effort() -> None:
-    with SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)) as source:
-        signal = np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)])
+def test_synthetic_emg_follows_effort_and_repeats() -> None:
+    source, signals = SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)), []
+    for _ in range(2):
+        with source:
+            signals.append(np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)]))
+    signal, again = signals
+    assert np.array_equal(signal, again)
     assert signal.shape == (10_000, 3)
     early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
     assert np.all(early * 8 < squeezed)
