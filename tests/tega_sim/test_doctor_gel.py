@@ -174,9 +174,9 @@ def test_bands_that_hardly_move_are_measured_against_the_baseline_or_by_what_the
 
 def test_without_a_lamp_nothing_is_said_of_bands(tmp_path: Path) -> None:
     gel = Gel(1)
-    sent, reported = banded(gel, 0.0, 120.0, 60.0), case(tmp_path, pictures(gel))
+    sent, reported = banded(gel, 0.0, 120.0, 60.0, n=60), case(tmp_path, pictures(gel))
     dimming = [np.clip(picture * (1 - 0.0005 * k), 0, 255).astype(np.uint8) for k, picture in enumerate(sent)]
     touched = pictures(gel, indenters=[ball(force_n=2.0)])
-    for one in (dimming, sent[:45] + touched):
+    for one in (dimming, sent[:30] + touched):
         assert banding(BARE, one) is None
         assert banding(reported, one) is None

@@ -38,8 +38,8 @@ def test_a_simulated_trial_takes_the_wearer_s_thresholds() -> None:
 
     lowest = []
     for settings in ((), ("vest.threshold=45",)):
-        lab = lab_of(1, "live", settings)
-        touch = touch_of(lab, TrialPlan(object="bag", seed=1, settings=settings), layout="x40")
+        lab = lab_of(3, "live", settings)
+        touch = touch_of(lab, TrialPlan(object="bag", seed=3, settings=settings), layout="x40")
         faint = Contact(finger="thumb", t_ns=0, in_contact=True, cci=1e-9, eda=0)
         frame = touch.displayed(0, {"thumb": faint}, ())
         lowest.append(int(frame.intensities[frame.intensities > 0].min()))

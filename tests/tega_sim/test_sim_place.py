@@ -24,6 +24,7 @@ def tried(**fields: Any) -> TrialResult:
     return run_trial(TrialPlan.checked(plan))
 
 
+@pytest.mark.slow
 def test_an_object_is_carried_to_the_second_mark_and_stands_there_let_go_of() -> None:
     done = tried(task="place")
     assert done.off_mark_m is not None
