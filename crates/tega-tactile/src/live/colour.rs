@@ -41,7 +41,8 @@ pub(super) struct Colour {
     gel: Field,
     left: Field,
     weights: Vec<f32>,
-    keys: Vec<i32>,
+    /// The pooled values as [`key_of`] them, and the largest past their end.
+    keys: [Vec<i32>; 3],
 }
 
 impl Colour {
@@ -67,7 +68,7 @@ impl Colour {
             pooled: field(),
             gel: field(),
             left: field(),
-            keys: Vec::with_capacity(n),
+            keys: [0; 3].map(|_| vec![i32::MAX; n.next_multiple_of(4 * LANES)]),
         }
     }
 
@@ -126,13 +127,15 @@ impl Colour {
             pool(gel, grid, self.cols, pooled);
         }
         let means = sums(&self.gel, cells).map(|sum| sum / cells as f32);
+        for (keys, pooled) in self.keys.iter_mut().zip(&self.pooled) {
+            keys.iter_mut()
+                .zip(pooled.iter().take(cells))
+                .for_each(|(key, v)| *key = key_of(v.to_bits() as i32));
+        }
+        let middles = ranked(&self.keys, cells / 2).map(|key| f32::from_bits(key_of(key) as u32));
         for (c, mean) in means.iter().enumerate() {
             self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - mean) / GAIN_COUNTS);
-            self.keys.clear();
-            self.keys.extend(self.pooled[c].iter().take(cells).map(|v| key(v.to_bits() as i32)));
-            // Whole numbers in the order of the values are told apart sooner than the values.
-            let middle = f32::from_bits(key(*self.keys.select_nth_unstable(cells / 2).1) as u32);
-            without_plane(&self.pooled[c], &self.x, &self.y, [middle, 0.0, 0.0], &mut self.left[c]);
+            without_plane(&self.pooled[c], &self.x, &self.y, [middles[c], 0.0, 0.0], &mut self.left[c]);
         }
         let mut fits = [[0f32; 4]; 3];
         for _ in 0..ROUNDS {
@@ -181,9 +184,27 @@ pub(super) fn statistic([a, b, c]: &Field) -> f32 {
     if energy > f32::MIN_POSITIVE { (square / energy).sqrt() } else { 0.0 }
 }
 
+/// The value at this rank, 0 for the smallest, of each of three planes: bit by bit, from the highest on, which takes no
+/// longer for one order of the values than for another.
+#[inline(always)]
+fn ranked(planes: &[Vec<i32>; 3], rank: usize) -> [i32; 3] {
+    let mut found = [i32::MIN; 3];
+    for bit in (0..u32::BITS).rev() {
+        for (found, plane) in found.iter_mut().zip(planes) {
+            // The highest bit is that of the sign.
+            let tried = *found ^ (1 << bit);
+            let under: i32 = plane.iter().map(|key| i32::from(*key < tried)).sum();
+            if under <= rank as i32 {
+                *found = tried;
+            }
+        }
+    }
+    found
+}
+
 /// A number's bits as a whole number in the order of [`f32::total_cmp`], and back.
 #[inline(always)]
-fn key(bits: i32) -> i32 {
+fn key_of(bits: i32) -> i32 {
     bits ^ ((bits >> 31) as u32 >> 1) as i32
 }
 
@@ -375,9 +396,23 @@ mod tests {
     fn keys_are_in_the_order_of_the_numbers_and_lead_back() {
         let numbers =
             [f32::NEG_INFINITY, -2.5, -f32::MIN_POSITIVE, -0.0, 0.0, 1e-40, 3.0, f32::INFINITY, f32::NAN];
-        let keys = numbers.map(|v| key(v.to_bits() as i32));
+        let keys = numbers.map(|v| key_of(v.to_bits() as i32));
         assert!(keys.is_sorted(), "{keys:?}");
-        assert_eq!(keys.map(|k| key(k) as u32), numbers.map(f32::to_bits));
+        assert_eq!(keys.map(|k| key_of(k) as u32), numbers.map(f32::to_bits));
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn values_are_ranked_as_sorting_does(values in proptest::collection::vec(proptest::num::i32::ANY, 1..40), low in -3..3, rank in 0..40usize) {
+            let rank = rank % values.len();
+            let planes = [&|v: i32| v, &|v: i32| v & 7, &|v: i32| low + v.signum()] as [&dyn Fn(i32) -> i32; 3];
+            let mut planes = planes.map(|of| values.iter().map(|v| of(*v)).collect::<Vec<_>>());
+            let wanted = planes.clone().map(|mut plane| *plane.select_nth_unstable(rank).1);
+            for plane in &mut planes {
+                plane.resize(40, i32::MAX);
+            }
+            assert_eq!(ranked(&planes, rank), wanted);
+        }
     }
 
     #[test]
