@@ -4,7 +4,7 @@
 
 use ndarray::ArrayView3;
 
-use crate::frame::whole_rows;
+use crate::frame::{lines, whole_rows};
 
 /// Cells along the picture's diagonal: 8 pixels a cell at 240 x 320, the same cells of the gel at any resolution.
 const CELLS_PER_DIAGONAL: f64 = 50.0;
@@ -42,12 +42,12 @@ impl Grid {
 /// Three planes of cell means, in sixteenths of a count, in the order of the pixel's bytes.
 pub(super) type Planes = [Vec<i16>; 3];
 
-/// Buffers of one row of cells.
+/// Buffers of a picture.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Strip {
     /// Sums down the columns of bytes, and zeros past the last one.
     sums: Vec<u16>,
-    /// Sums of every other pixel of a cell and of those between them, and two of no meaning.
+    /// Of all cells, part by part: sums of every other pixel and of those between them, and two of no meaning.
     pairs: Vec<[u16; PAIR]>,
     /// Sums over all cells, of each of a pixel's bytes.
     cells: [Vec<i32>; 3],
@@ -60,6 +60,8 @@ const PAIR: usize = 8;
 const TOGETHER: usize = 256;
 /// Rows that are summed at a time, at most.
 const MOST_ROWS: usize = 32;
+/// Cells whose pairs are added at a time.
+const CELLS: usize = 32;
 
 tega_simd::dispatched! {
     /// Averages an image of the grid's size over each cell.
@@ -70,31 +72,40 @@ tega_simd::dispatched! {
 #[inline(always)]
 fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
     let Strip { sums, pairs, cells, copy } = strip;
+    // The sums of higher cells need more bits: they are those of parts, which are added up.
+    let most = MOST_ROWS.min(TOGETHER / grid.side.div_ceil(2));
+    let parts = grid.side.div_ceil(most);
+    sums.clear();
     sums.resize(3 * grid.side * grid.cols + PAIR, 0);
-    pairs.resize(grid.cols, [0; PAIR]);
+    pairs.resize(parts * grid.cells(), [0; PAIR]);
     for cells in &mut *cells {
-        cells.clear();
         cells.resize(grid.cells(), 0);
     }
-    let image = whole_rows(image, copy);
-    let mut lines = image.outer_iter();
-    // The sums of higher cells need more bits and are added up.
-    let most = MOST_ROWS.min(TOGETHER / grid.side.div_ceil(2));
+    let lines = lines(whole_rows(image, copy));
+    let mut lines = lines.outer_iter();
     for row in 0..grid.rows {
         let height = grid.side.min(grid.height - row * grid.side);
-        for first in (0..height).step_by(most) {
+        for part in 0..parts {
             let mut rows = [&[][..]; MOST_ROWS];
-            let n = most.min(height - first);
+            let n = most.min(height.saturating_sub(part * most));
             for (row, line) in rows.iter_mut().zip(lines.by_ref().take(n)) {
                 *row = line.to_slice().unwrap_or_default();
             }
-            sums.fill(0);
             let width = sums.get_mut(..3 * grid.width).unwrap_or_default();
             sum_rows(rows.get(..n).unwrap_or_default(), width);
-            sum_pairs(sums, grid.side, pairs);
-            let cells = cells.each_mut().map(|cells| cells.get_mut(row * grid.cols..).unwrap_or_default());
-            add_cells(pairs, cells);
+            let first = (part * grid.rows + row) * grid.cols;
+            let pairs = pairs.get_mut(first..first + grid.cols).unwrap_or_default();
+            // Of a known side the loop is unrolled: small cells are as many as large ones.
+            match grid.side {
+                4 => sum_pairs(sums, 4, pairs),
+                6 => sum_pairs(sums, 6, pairs),
+                8 => sum_pairs(sums, 8, pairs),
+                side => sum_pairs(sums, side, pairs),
+            }
         }
+    }
+    for (part, pairs) in pairs.chunks_exact(grid.cells()).enumerate() {
+        add_cells(pairs, cells, if part == 0 { 0 } else { -1 });
     }
     for (plane, sums) in planes.iter_mut().zip(&*cells) {
         plane.resize(grid.cells(), 0);
@@ -105,58 +116,75 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
 /// Sums rows down their columns.
 #[inline(always)]
 fn sum_rows(rows: &[&[u8]], sums: &mut [u16]) {
+    if rows.is_empty() {
+        sums.fill(0);
+    }
+    // All bits, or none for the first rows: what was there is no part of their sum.
+    let mut kept = 0;
     let (eights, rows) = rows.as_chunks::<8>();
     for rows in eights {
-        add_rows(rows, sums);
+        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
     }
     let (fours, rows) = rows.as_chunks::<4>();
     for rows in fours {
-        add_rows(rows, sums);
+        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
+    }
+    let (twos, rows) = rows.as_chunks::<2>();
+    for rows in twos {
+        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
     }
     for row in rows {
-        add_rows(&[row], sums);
+        add_rows(&[row], sums, std::mem::replace(&mut kept, u16::MAX));
     }
 }
 
-/// Adds as many rows, at once, to the sums of their columns.
+/// Adds as many rows, at once, to the kept bits of their columns' sums.
 #[inline(always)]
-fn add_rows<const N: usize>(rows: &[&[u8]; N], sums: &mut [u16]) {
+fn add_rows<const N: usize>(rows: &[&[u8]; N], sums: &mut [u16], kept: u16) {
     let n = rows.iter().map(|row| row.len()).min().unwrap_or_default().min(sums.len());
     let (rows, sums) = (rows.map(|row| &row[..n]), &mut sums[..n]);
     for k in 0..n {
-        sums[k] += rows.iter().map(|row| u16::from(row[k])).sum::<u16>();
+        sums[k] = (sums[k] & kept) + rows.iter().map(|row| u16::from(row[k])).sum::<u16>();
     }
 }
 
 /// Sums the columns' sums over the pairs of pixels of each cell, and adds an odd side's last pixel.
 #[inline(always)]
 fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
-    let cells = sums.windows(6 * (side / 2) + PAIR - 6).step_by(3 * side);
+    const FIRST: [u16; PAIR] = [u16::MAX, u16::MAX, u16::MAX, 0, 0, 0, 0, 0];
+    let cells = sums.windows(3 * side + PAIR - 3).step_by(3 * side);
     for (out, cell) in pairs.iter_mut().zip(cells) {
         let mut sum = [0; PAIR];
-        for pair in cell.windows(PAIR).step_by(6) {
-            for lane in 0..PAIR {
-                sum[lane] += pair[lane];
+        for pair in 0..side / 2 {
+            if let Some(pair) = cell.get(6 * pair..6 * pair + PAIR) {
+                (0..PAIR).for_each(|lane| sum[lane] += pair[lane]);
             }
+        }
+        if !side.is_multiple_of(2)
+            && let Some(last) = cell.last_chunk::<PAIR>()
+        {
+            (0..PAIR).for_each(|lane| sum[lane] += last[lane] & FIRST[lane]);
         }
         *out = sum;
     }
-    if !side.is_multiple_of(2) {
-        let pixels = sums.as_chunks::<3>().0.iter().skip(side - 1).step_by(side);
-        for (out, pixel) in pairs.iter_mut().zip(pixels) {
-            (0..3).for_each(|k| out[k] += pixel[k]);
-        }
-    }
 }
 
-/// Adds the sums of the first and of the second pixels of pairs to those of cells.
+/// Adds the sums of the first and of the second pixels of pairs to the kept bits of those of cells.
 #[inline(always)]
-fn add_cells(pairs: &[[u16; PAIR]], [a, b, c]: [&mut [i32]; 3]) {
-    for (pair, ((a, b), c)) in pairs.iter().zip(a.iter_mut().zip(b).zip(c)) {
-        let sum = |k: usize| i32::from(pair[k]) + i32::from(pair[k + 3]);
-        *a += sum(0);
-        *b += sum(1);
-        *c += sum(2);
+fn add_cells(pairs: &[[u16; PAIR]], cells: &mut [Vec<i32>; 3], kept: i32) {
+    let mut both = [[0; PAIR]; CELLS];
+    for (k, pairs) in pairs.chunks(CELLS).enumerate() {
+        let pixels = pairs.as_flattened();
+        let seconds = pixels.get(3..).unwrap_or_default();
+        for (both, (first, second)) in both.as_flattened_mut().iter_mut().zip(pixels.iter().zip(seconds)) {
+            *both = i32::from(*first) + i32::from(*second);
+        }
+        for (byte, cells) in cells.iter_mut().enumerate() {
+            let cells = cells.get_mut(CELLS * k..).unwrap_or_default();
+            for (sum, both) in cells.iter_mut().zip(&both) {
+                *sum = (*sum & kept) + both[byte];
+            }
+        }
     }
 }
 
