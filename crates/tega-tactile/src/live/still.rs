@@ -18,17 +18,21 @@ pub(super) const GATE: f32 = 3.0;
 /// Counts from which a gel has light that can fail.
 const LIT: f32 = 8.0;
 
-/// Sums of a plane, side by side.
+/// Sums of each plane, side by side.
 #[inline(always)]
-fn light(plane: &[f32]) -> [f32; LANES] {
-    let mut sums = [0f32; LANES];
-    let (chunks, rest) = plane.as_chunks::<LANES>();
-    for chunk in chunks {
+fn lights([a, b, c]: &Field) -> [[f32; LANES]; 3] {
+    let mut sums = [[0f32; LANES]; 3];
+    let [(a, last_a), (b, last_b), (c, last_c)] = [a, b, c].map(|plane| plane.as_chunks::<LANES>());
+    for ((a, b), c) in a.iter().zip(b).zip(c) {
         for lane in 0..LANES {
-            sums[lane] += chunk[lane];
+            sums[0][lane] += a[lane];
+            sums[1][lane] += b[lane];
+            sums[2][lane] += c[lane];
         }
     }
-    sums.iter_mut().zip(rest).for_each(|(sum, v)| *sum += v);
+    for (sums, last) in sums.iter_mut().zip([last_a, last_b, last_c]) {
+        sums.iter_mut().zip(last).for_each(|(sum, v)| *sum += v);
+    }
     sums
 }
 
@@ -114,10 +118,10 @@ impl Cells {
     /// Whether the last image has less than half of the light of an untouched gel in counts, where that has any.
     #[inline(always)]
     pub fn dark(&self, gel: &Field) -> bool {
-        let light = |plane: &Vec<f32>| total(&light(plane));
-        let now =
-            self.means.iter().map(|plane| plane.iter().map(|m| i32::from(*m)).sum::<i32>()).sum::<i32>();
-        let [first, middle, last] = [0, 1, 2].map(|c| light(&gel[c]));
+        let [a, b, c] = &self.means;
+        let now: i32 =
+            a.iter().zip(b).zip(c).map(|((a, b), c)| [*a, *b, *c].map(i32::from).iter().sum::<i32>()).sum();
+        let [first, middle, last] = lights(gel).map(|sums| total(&sums));
         let still = (first + last) + middle;
         still > LIT * (3 * self.grid.cells()) as f32 && (now as f32) < 0.5 * UNITS_PER_COUNT * still
     }
@@ -180,6 +184,11 @@ impl Cells {
 tega_simd::dispatched! {
     /// See [`Cells::glance`].
     glance = Cells::glance, (cells: &mut Cells, gel: &Field) -> f32
+}
+
+tega_simd::dispatched! {
+    /// See [`Cells::dark`].
+    dark = Cells::dark, (cells: &Cells, gel: &Field) -> bool
 }
 
 tega_simd::dispatched! {

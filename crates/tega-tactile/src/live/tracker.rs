@@ -19,7 +19,7 @@ use super::dent::Dent;
 use super::fading::Fading;
 use super::filter::MapFilter;
 use super::mains::{BOTH, Mains};
-use super::still::{Cells, follow, glance, glance_again, judge, plain};
+use super::still::{Cells, dark, follow, glance, glance_again, judge, plain};
 use super::touch::{Touch, TrackerOptions};
 use crate::error::TactileError;
 
@@ -197,7 +197,7 @@ impl TouchTracker {
 
     /// Reads the cells that were taken last.
     fn read(&mut self, dt_s: f64, loaded: bool) -> Touch {
-        if self.dark_s < DARK_S && self.cells.dark(&self.gel) {
+        if self.dark_s < DARK_S && dark(&self.cells, &self.gel) {
             // A fault of the light: nothing is learned from it, and it begins and ends no contact.
             self.dark_s += dt_s;
             return self.last;
