@@ -11,7 +11,7 @@ use super::filter::{Evidence, MapFilter};
 use super::light::{GelLight, Slopes};
 use super::middle::{Middle, RIM};
 use super::peak::{half_share, peak};
-use super::shape::{Moments, Outliner, outline};
+use super::shape::{Moments, Outliner, any_above, outline};
 use crate::frame::Order;
 
 /// The outline's level: the mean of energy and depth, as shares of their peaks, that an eye marks as the rim.
@@ -141,13 +141,7 @@ impl DentReader {
         let moments = outline(&self.outliner, &self.dent, level.level());
         let maps = [&self.change[..], &self.depth_mm];
         let middle = self.middle.find(maps, [strongest, deepest], level.level());
-        let inside =
-            self.dent.iter().zip(&self.change).zip(&self.depth_mm).filter(|((d, _), _)| **d > level.level());
-        let (mut mass, mut volume) = (0f64, 0f64);
-        for ((_, e), h) in inside {
-            mass += f64::from(*e);
-            volume += f64::from(*h);
-        }
+        let [mass, volume] = sums_inside(&self.dent, [&self.change, &self.depth_mm], level.level());
         Dent {
             moments,
             middle,
@@ -210,6 +204,35 @@ tega_simd::dispatched! {
 tega_simd::dispatched! {
     /// See [`DentReader::combine`].
     combined = DentReader::combine_averaged, (reader: &mut DentReader) -> [f32; 2]
+}
+
+tega_simd::dispatched! {
+    /// See [`inside`].
+    sums_inside = inside, (dent: &[f32], maps: [&[f32]; 2], level: f32) -> [f64; 2]
+}
+
+/// Sums of two maps over the cells that are over a level, one after the other.
+#[inline(always)]
+fn inside(dent: &[f32], [change, depth]: [&[f32]; 2], level: f32) -> [f64; 2] {
+    let mut sums = [0f64; 2];
+    let mut add = |dent: &[f32], change: &[f32], depth: &[f32]| {
+        for ((d, e), h) in dent.iter().zip(change).zip(depth) {
+            if *d > level {
+                sums[0] += f64::from(*e);
+                sums[1] += f64::from(*h);
+            }
+        }
+    };
+    let [(dent, last), (change, last_change), (depth, last_depth)] =
+        [dent, change, depth].map(|map| map.as_chunks::<LANES>());
+    for ((dent, change), depth) in dent.iter().zip(change).zip(depth) {
+        // Most of the picture is not inside.
+        if any_above(dent, level) {
+            add(dent, change, depth);
+        }
+    }
+    add(last, last_change, last_depth);
+    sums
 }
 
 tega_simd::dispatched! {

@@ -133,19 +133,25 @@ impl Outliner {
     pub fn paint(&self, field: &[f32], level: f32, mut paint: impl FnMut(usize, usize, usize)) -> Moments {
         let mut moments = Moments::default();
         let row_of = |r: usize| field.get(r * self.cols..(r + 1) * self.cols).unwrap_or_default();
+        let mut upper_any = any_above(row_of(0), level);
         for below in &self.down.spans {
             let (Span { cells: [upper, lower], pixels: rows, .. }, down) =
                 (below, self.down.shares_of(below));
             let (upper, lower) = (row_of(*upper), row_of(*lower));
-            if !any_above(upper, level) && !any_above(lower, level) {
+            let lower_any = any_above(lower, level);
+            if !std::mem::replace(&mut upper_any, lower_any) && !lower_any {
                 continue;
             }
             // A corner of every span is one of the next span too.
             let above = |k: usize| [upper[k], lower[k]].map(|v| u8::from(v > level)).iter().sum::<u8>();
-            let mut left_above = above(0);
+            let touched = |k: usize| above(k) > 0;
+            let Some(first) = (0..self.cols).position(touched) else { continue };
+            let end = (0..self.cols).rposition(touched).map_or(0, |last| last + 2);
+            let spans = self.across.spans.get(first..end).unwrap_or_default();
+            let mut left_above = above(first.saturating_sub(1));
             // Spans that are above the level at every corner are taken together.
             let mut whole: Option<Range<usize>> = None;
-            for beside in &self.across.spans {
+            for beside in spans {
                 let Span { cells: [l, r], pixels: columns, .. } = beside;
                 let right_above = above(*r);
                 let corners = left_above + right_above;
@@ -197,7 +203,7 @@ fn add_whole(
 
 /// Whether any value is above a level; looks at all of them, many at once.
 #[inline(always)]
-fn any_above(values: &[f32], level: f32) -> bool {
+pub(super) fn any_above(values: &[f32], level: f32) -> bool {
     values.iter().map(|v| u32::from(*v > level)).sum::<u32>() > 0
 }
 
