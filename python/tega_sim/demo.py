@@ -61,7 +61,7 @@ def run_demo(
     paused: Callable[[], bool] = lambda: False,
     muted: Callable[[], bool] = lambda: False,
 ) -> tuple[DemoReport, list[Streams]]:
-    """Run trials one after the other.
+    """Run trials one after the other; simulated people have not practised with the vest, which takes 16 s a lift.
 
     ``person`` operates all trials instead of their plans' operators. ``observer`` is called thirty times a
     second of simulated time. The callables are asked all the time: ``next_object`` for another object that is
@@ -92,6 +92,7 @@ def run_demo(
             stop=leave,
             paused=paused,
             muted=muted,
+            practised=False,
         )
         results.append(result)
         courses.append(streams)

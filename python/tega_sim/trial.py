@@ -53,7 +53,9 @@ class LevelScript(ScriptedOperator):
         return super().act(percept)
 
 
-def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) -> float:
+def practise(
+    lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0, *, with_vest: bool = True
+) -> float:
     """Let a simulated person practise with a trial's object and vest; other operators do not.
 
     A person without a vest, or with one that pulses at events, learns nothing, and the bench is not run.
@@ -62,7 +64,7 @@ def practise(lab: Lab, plan: TrialPlan, person: TrialSteering, number: int = 0) 
     arm = ARMS[plan.condition]
     if not isinstance(person, Operator):
         return 0.0
-    if arm.pulses or arm.sham == "off" or arm.skin == "none":
+    if not with_vest or arm.pulses or arm.sham == "off" or arm.skin == "none":
         person.practise(plan.object, lambda _t_s, _level: None)
         return 0.0
     script = LevelScript(full_effort=lab.calibrated.full_effort)
@@ -88,6 +90,7 @@ def run_trial(
     paused: Callable[[], bool] = lambda: False,
     muted: Callable[[], bool] = lambda: False,
     skip_untouched: bool = True,
+    practised: bool = True,
 ) -> TrialResult:
     """Run a trial.
 
@@ -103,10 +106,11 @@ def run_trial(
         muted: Called at every vest frame; returns whether the user has switched the vest off.
         skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where
             nothing that is felt, kept or looked at hangs on their pictures; the results are the same.
+        practised: Whether a simulated person learns before what the vest shows; else it means nothing to them.
     """
     lab = lab_of(plan.seed, plan.preset, plan.settings)
     someone = lab.person(plan) if person is None else person
-    simulated_s, fatigue = practise(lab, plan, someone), 0.0
+    simulated_s, fatigue = practise(lab, plan, someone, with_vest=practised), 0.0
     for lift in range(plan.practice + 1):
         last = lift == plan.practice
         run = Lift(

@@ -230,7 +230,7 @@ def test_a_gel_with_memory_left_alone_drifts_as_a_recorded_one() -> None:
         ]
         return float(np.abs(cells).max())
 
-    drifts = [most(Gel(seed, memory=True)) for seed in range(4)]
+    drifts = [most(Gel(seed, memory=True)) for seed in range(8)]
     # The recorded one went 11 counts from its first moment and 7 from when it was warm.
     assert 4 < np.median(drifts) < 11
-    assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(4)])
+    assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(8)])

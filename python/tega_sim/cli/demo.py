@@ -94,8 +94,9 @@ def demo(
     Hand, objects, fingertip cameras, muscles and person are simulated. The loop between them is the one that runs
     real devices. The terminal shows fingertips, vest, muscles, hand and object, and then a summary. The folder --out
     gets a table of each signal of each lift, and a picture, demo.png, if the extra pictures is installed. The three
-    lifts take 46 s; --fast takes about two fifths of that. With --view the browser shows the lifts again and again,
-    until you press the page's stop or Ctrl-C. After Ctrl-C the demo writes no picture and prints no summary.
+    lifts take 47 s; --fast takes about a fifth of that. With --view the browser shows the lifts again and again, until
+    you press the page's stop or Ctrl-C. After Ctrl-C the demo writes no picture and prints no summary.
+    The simulated person has not practised with the vest; people of sim trials have.
 
     \b
     --json prints one object:
