@@ -185,8 +185,9 @@ def score_recording(
 
     The first half of the recording gives the maxima (`channel_maxima`: the largest block mean for "paper", the
     95th percentile for "live"); the rest, run from a fresh start, is judged against the force averaged over the
-    same blocks, as shares of its largest. It has to hold three blocks of ``tau`` samples or more. ``samples`` are
-    ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same instants, any unit.
+    same blocks, as shares of the largest, whatever its sign. It has to hold three blocks of ``tau`` samples or more.
+    ``samples`` are ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same instants,
+    any unit.
     """
     emg, measured = np.asarray(samples), np.asarray(force, np.float64)
     if measured.ndim != 1 or len(measured) != len(emg):
@@ -200,7 +201,7 @@ def score_recording(
             f"the judged part has {len(wanted)} blocks of tau = {tau} samples, at least 3 are needed",
             "use a longer recording or a smaller tau",
         )
-    wanted /= wanted.max() or 1.0
+    wanted /= np.abs(wanted).max() or 1.0
     levels: dict[Preset, NDArray[np.int64]] = {}
     for preset, percentile in PERCENTILES.items():
         maxima = channel_maxima(emg[:start], rate_hz, tau=tau, kind=kind, percentile=percentile)

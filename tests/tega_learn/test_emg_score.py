@@ -74,6 +74,14 @@ def test_changes_are_counted_per_second() -> None:
     assert changes_per_second([], 0.1) == 0.0
 
 
+def test_a_force_counted_downwards_is_followed_the_other_way_round() -> None:
+    force = np.tile(np.repeat([0.5, 2.0, 0.5, 1.0], 400), 2)
+    emg = (force * np.where(np.arange(3200) // 2 % 2, 1.0, -1.0))[:, None]
+    up, down = (score_recording(emg, sign * force, 200, tau=20)["live"] for sign in (1, -1))
+    assert up.level_rank_correlation > 0.85
+    assert down.level_rank_correlation == pytest.approx(-up.level_rank_correlation)
+
+
 def test_bad_input_is_refused() -> None:
     emg, force = np.random.default_rng(7).normal(size=(400, 3)), np.zeros(400)
     with pytest.raises(ShapeError, match="one force a sample"):
