@@ -148,7 +148,7 @@ pub(crate) fn whole_rows<'s>(image: ArrayView3<'s, u8>, copy: &'s mut Vec<u8>) -
     ArrayView3::from_shape(image.dim(), &*copy).unwrap_or(image)
 }
 
-/// The rows of an image whose rows are contiguous, as bytes: each is told to be contiguous in fewer steps than with its pixels.
+/// The rows of an image whose rows are contiguous, as bytes: checking that takes fewer steps than for rows of pixels.
 pub(crate) fn lines(mut image: ArrayView3<'_, u8>) -> ArrayView2<'_, u8> {
     image.merge_axes(Axis(1), Axis(2));
     image.index_axis_move(Axis(1), 0)

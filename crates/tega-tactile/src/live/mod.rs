@@ -24,6 +24,7 @@ mod middle;
 mod noise;
 mod peak;
 mod quantised;
+mod rank;
 mod shape;
 mod still;
 mod thumbnail;
