@@ -128,8 +128,10 @@ class McapRecorder:
 
     def leave(self) -> None:
         """Leave the file unfinished, to be recovered when the folder is next opened."""
-        if self.state == "recording":
-            self._file.flush()
+        self._closing.set()
+        with self._lock:
+            if self.state == "recording":
+                self._file.flush()
 
     def abandon(self) -> None:
         """Take the file away; for a recording that has not begun."""
