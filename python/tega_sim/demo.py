@@ -162,7 +162,7 @@ def _who(plan: TrialPlan) -> str:
     if plan.operator == "keyboard":
         return "a user at the keyboard steers three simulated muscles, without a vest"
     vest = {
-        "haptic": "feels the vest",
+        "haptic": "feels the vest, has not practised with it,",
         "non-haptic": "wears no vest",
         "unfelt": "wears the vest and does not feel it",
     }.get(plan.condition)
