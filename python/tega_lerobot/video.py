@@ -24,7 +24,7 @@ FILES_PER_CHUNK, VIDEO_MB = 1000, 200
 
 ENCODER, CODEC, PIXELS = "libx264", "h264", "yuv420p"
 # Every other frame can be decoded on its own, since training reads frames at random. Of the same dB as LeRobot's own
-# choice, AV1 of quality 30, in a fifth of the processor time or less, with 1.7 times the bytes of a real gel's pictures
+# choice, AV1 of quality 30, in a tenth of the processor time for 1.7 times the bytes of a real gel's pictures
 # (docs/evidence/recording.md).
 _OPTIONS = {"g": "2", "crf": "21", "preset": "ultrafast", "threads": "1"}
 

@@ -45,9 +45,15 @@ def result(person: str, decoder: str, time_s: float, *, minutes: int = 0) -> Fit
             for end, t in ends
         ]
     return FittsRecord(
-        **made(person, decoder, minutes), dwell_s=1.0, timeout_s=10.0, cursor_step=0.01, throughput_bits_s=0.0,
-        completion_percent=66.7, overshoots=0.67, movements=tuple(movement_row(one) for one in movements),
-    )  # fmt: skip
+        **made(person, decoder, minutes),
+        dwell_s=1.0,
+        timeout_s=10.0,
+        cursor_step=0.01,
+        throughput_bits_s=0.0,
+        completion_percent=66.7,
+        overshoots=0.67,
+        movements=tuple(movement_row(one) for one in movements),
+    )
 
 
 def test_a_result_is_kept_whole(tmp_path: Path) -> None:

@@ -210,8 +210,14 @@ def test_correlation_of_a_slow_course() -> None:
     assert found == close((0.908298531762, 40, 8.02244346512, 0.567042256711, 0.983422827754))
     assert effective_n(POSE, TOUCH, lags=5) == close(8.55384646561)
     lags = [
-        0.416913513115, 0.631390258182, 0.801081066562, 0.908298531762, 0.978847911004, 0.963176643852, 0.889190243422,
-    ]  # fmt: skip
+        0.416913513115,
+        0.631390258182,
+        0.801081066562,
+        0.908298531762,
+        0.978847911004,
+        0.963176643852,
+        0.889190243422,
+    ]
     assert lag_sweep(POSE, TOUCH, most=3) == [(lag - 3, close(r)) for lag, r in enumerate(lags)]
     assert fisher_mean([0.9, 0.8, 0.7]) == close(0.816439328634)
     assert fisher_mean([0.9, math.nan]) == close(0.9)

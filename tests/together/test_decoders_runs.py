@@ -37,9 +37,19 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
         chunks.append(EmgChunk(10**9 + round((first + len(part)) / rate_hz * 1e9), 700 + first, part))
     record = folder / "20261122-150405.toml"
     kept = PracticeRecord(
-        person="p01", device="d", driver="synthetic-emg", made=utc_now(), preset="live", seed=1, kind="raw",
-        duration_s=seconds, in_target_percent=50.0, rms_error_levels=0.5, rate_hz=rate_hz, channels=names,
-    )  # fmt: skip
+        person="p01",
+        device="d",
+        driver="synthetic-emg",
+        made=utc_now(),
+        preset="live",
+        seed=1,
+        kind="raw",
+        duration_s=seconds,
+        in_target_percent=50.0,
+        rms_error_levels=0.5,
+        rate_hz=rate_hz,
+        channels=names,
+    )
     write_record(kept, record)
     keep_tracked(tracked_samples(chunks, curve, rate_hz=rate_hz, start_ns=10**9), record)
     found, _ = read_tracked(record)

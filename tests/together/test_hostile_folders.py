@@ -54,9 +54,16 @@ def mine(tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(
     "name",
-    ["trial-001.mcap", "trial-001.mcap.recovering", ".trial-001.mcap.PID.new", "trial-001.mcap.part.tail",
-     "session.json", "session.json.new", ".session.json.PID.new"],
-)  # fmt: skip
+    [
+        "trial-001.mcap",
+        "trial-001.mcap.recovering",
+        ".trial-001.mcap.PID.new",
+        "trial-001.mcap.part.tail",
+        "session.json",
+        "session.json.new",
+        ".session.json.PID.new",
+    ],
+)
 def test_looking_into_a_session_writes_through_no_link(name: str, mine: Path, tmp_path: Path) -> None:
     session = tmp_path / "session"
     session.mkdir()

@@ -140,9 +140,13 @@ class PersonRecords:
 
     def _check_emg(self, record: EmgRecord, now: EmgMaxima, config: EmgConfig) -> None:
         text = other_conditions(
-            record, driver=config.driver, kind=now.kind, channels=now.channels, tau_samples=now.tau,
+            record,
+            driver=config.driver,
+            kind=now.kind,
+            channels=now.channels,
+            tau_samples=now.tau,
             settings=driver_settings(config),
-        )  # fmt: skip
+        )
         if abs(record.rate_hz / now.rate_hz - 1) > _RATE_TOLERANCE:
             text = text or (
                 f"EMG: {record.person} was calibrated at {record.rate_hz:g} samples/s, the run has {now.rate_hz:g}"

@@ -65,9 +65,10 @@ class ArmRecords:
             self._pose(ArmSent, t_ns, _BASE, _numbers(led, self._start_ns))
         if t_ns - self._health_ns >= _HEALTH_NS or self._health_ns < 0:
             self._health_ns = t_ns
-            told = asdict(arm.health)
-            rate = -1.0 if told["success_rate"] is None else told["success_rate"]
-            self._bus.publish(ArmHealth(t_ns=t_ns, **(told | {"success_rate": rate})))
+            health = asdict(arm.health)
+            if health["success_rate"] is None:
+                health["success_rate"] = -1.0
+            self._bus.publish(ArmHealth(t_ns=t_ns, **health))
 
     def _pose(self, kind: type[PoseRecord], t_ns: int, frame: str, pose: PoseNumbers) -> None:
         if len(pose.position) == 3 and len(pose.quaternion) == 4:

@@ -191,10 +191,10 @@ def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 def open_condition(
     stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus
 ) -> Callable[[], str]:
-    """Watch the muscles of a run, unless their samples are decoded somewhere else; return what tells the alert.
+    """Watch the muscles of a run, unless their samples are decoded somewhere else.
 
-    Where time is real this is done in a thread, which the stack ends, so that no spectrum delays a source. The
-    condition is published on the bus.
+    The function returned gives the current alert, ``""`` for none. Where time is real this is done in a thread, which
+    the stack ends, so that no spectrum delays a source. The condition is published on the bus.
     """
     said, muscles, backlog = "", prepared.muscles, None
     if muscles is None or muscles.decoder is None:

@@ -217,9 +217,8 @@ def _lost_emg(state: RunFacts) -> str:
 
 def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
     """Say that pixels stood still, which the noise of a sensor does not let them."""
-    n_again = (
-        0 if live else report.n_duplicate
-    )  # a live source may well be asked faster than it takes pictures
+    # A live source may well be asked faster than it takes pictures.
+    n_again = 0 if live else report.n_duplicate
     stuck, r = report.n_stuck, report
     counted = (
         (r.n_unfit, f"{r.n_unfit} pictures were dark or torn; not used, and the finger was silent"),

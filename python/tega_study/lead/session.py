@@ -245,14 +245,14 @@ class _Lead:
             self._folder,
             trial,
             attempt,
-            self._bench,
-            self._journal,
-            self._clock,
-            self._task,
-            window_s,
-            self._plan.settings.stable,
-            self._scale,
-            self._beeps(trial, attempt),
+            bench=self._bench,
+            journal=self._journal,
+            clock=self._clock,
+            task=self._task,
+            window_s=window_s,
+            stable=self._plan.settings.stable,
+            time_scale=self._scale,
+            beeps=self._beeps(trial, attempt),
         )
         heading = f"{self._participant} · {self._where(trial)}"
         while not led.step(self._received()):

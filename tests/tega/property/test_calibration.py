@@ -179,9 +179,13 @@ def test_an_emg_record_is_read_as_written(
 ) -> None:
     three = tuple(numbers)
     record = muscles(
-        settings=text, muscles=("ECR", "FCU", text), offset=three, live_max=three, answers=(three,) * 3,
+        settings=text,
+        muscles=("ECR", "FCU", text),
+        offset=three,
+        live_max=three,
+        answers=(three,) * 3,
         refreshed=refreshed,
-    )  # fmt: skip
+    )
     with TemporaryDirectory() as folder:
         path = Path(folder) / "emg.toml"
         write_record(record, path)

@@ -30,9 +30,11 @@ from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main
 
 ARM = [
-    "arm.driver=simulated-arm", "input.motion.driver=spacemouse", "input.dead_man.driver=spacemouse",
+    "arm.driver=simulated-arm",
+    "input.motion.driver=spacemouse",
+    "input.dead_man.driver=spacemouse",
     "input.dead_man.options.silent_after_ms=1000",
-]  # fmt: skip
+]
 CHAIN = EmgMaxima(kind="raw", rate_hz=500.0, tau=50, channels=("ch1", "ch2", "ch3"), maxima=())
 
 

@@ -30,13 +30,17 @@ slow = pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "said", "settings", "status", "finding", "todo"),
     [
-        pytest.param(("allegro_port", "--hardware", "0x0500"), "look", HAND, "error", "version 5.0", "", marks=slow),
-        pytest.param(("ascii_board", "--fault", "slow=0.2"), "", BOARD, "error", "samples/s", "delay()", marks=slow),
+        pytest.param(
+            ("allegro_port", "--hardware", "0x0500"), "look", HAND, "error", "version 5.0", "", marks=slow
+        ),
+        pytest.param(
+            ("ascii_board", "--fault", "slow=0.2"), "", BOARD, "error", "samples/s", "delay()", marks=slow
+        ),
         pytest.param(("digit",), "black", DIGIT, "error", "black", "", marks=slow),
         pytest.param(("digit",), "cut", DIGIT, "missing", "does not open", "", marks=slow),
         (("bhaptics_player", "--port", "0"), "no-vest", PLAYER, "missing", "has no vest connected", ""),
     ],
-)  # fmt: skip
+)
 def test_a_device_in_trouble(
     tmp_path: Path, words: tuple[str, ...], said: str, settings: str, status: str, finding: str, todo: str
 ) -> None:

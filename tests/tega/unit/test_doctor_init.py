@@ -111,9 +111,11 @@ def test_only_changed_settings_are_shown(tmp_path: Path, capsys: pytest.CaptureF
     out, _ = call(capsys, "config", "show", "--changed", "--json", file)
     changed = {row["key"]: row["value"] for row in json.loads(out)}
     assert changed == {
-        "session.preset": "paper", "vest.threshold": 30,
-        "tactile.thumb.driver": "digit", "tactile.thumb.options.serial": "D2",
-    }  # fmt: skip
+        "session.preset": "paper",
+        "vest.threshold": 30,
+        "tactile.thumb.driver": "digit",
+        "tactile.thumb.options.serial": "D2",
+    }
     assert call(capsys, "config", "show", "--changed")[0] == "every setting has its default value\n"
 
 

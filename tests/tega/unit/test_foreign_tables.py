@@ -101,11 +101,38 @@ def test_encodings(encoding: str, write: Write) -> None:
 
 
 OTHERS = (
-    "X [s]", "Package Num", "unix_time", "SampleIndex", "Zeit [s]", "Fz", "frame", "lsl_timestamp", "restimulus",
-    "accx", "Timestamp", "Unnamed: 0", "", "t", "index", "gyro_x", "Quaternion W", "repetition", "Trigger",
-    "Force (N)", "time (ms)", "Sample Number", "Marker", "Temps", "AccX (g)", "battery", "label", "Acceleration",
-    "gesture_id", "Roll", "Date",
-)  # fmt: skip
+    "X [s]",
+    "Package Num",
+    "unix_time",
+    "SampleIndex",
+    "Zeit [s]",
+    "Fz",
+    "frame",
+    "lsl_timestamp",
+    "restimulus",
+    "accx",
+    "Timestamp",
+    "Unnamed: 0",
+    "",
+    "t",
+    "index",
+    "gyro_x",
+    "Quaternion W",
+    "repetition",
+    "Trigger",
+    "Force (N)",
+    "time (ms)",
+    "Sample Number",
+    "Marker",
+    "Temps",
+    "AccX (g)",
+    "battery",
+    "label",
+    "Acceleration",
+    "gesture_id",
+    "Roll",
+    "Date",
+)
 
 
 @pytest.mark.parametrize("name", OTHERS)

@@ -197,7 +197,10 @@ def measured_contacts(
 
     In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes
     away the finger falls silent after 100 ms; it is opened again, once a second, until that works or the run
-    ends. ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
+    ends. Frames that the source delivers again are passed over; of a live source so are the third and later in a row
+    with the same pixels, as of a stuck sensor.
+
+    ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
     """
 
     def measure(frame: TactileFrame, received_ns: int) -> tuple[TactileFrame, int, Contact | None]:

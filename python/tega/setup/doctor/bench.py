@@ -180,9 +180,14 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
     """
     cameras: list[FoundCamera] = []
     tries: dict[str, Callable[[DriverCase], list[Finding]]] = {
-        "tactile": partial(try_camera, cameras), "emg": try_amplifier, "vest": try_vest, "hand": try_hand,
-        "input": try_input, "tracker": try_tracker, "arm": try_arm,
-    }  # fmt: skip
+        "tactile": partial(try_camera, cameras),
+        "emg": try_amplifier,
+        "vest": try_vest,
+        "hand": try_hand,
+        "input": try_input,
+        "tracker": try_tracker,
+        "arm": try_arm,
+    }
 
     def attempt(case: DriverCase) -> list[Finding]:
         try:

@@ -89,13 +89,17 @@ def all_options(*options: Callable[[Any], Any]) -> Callable[[_Function], _Functi
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print JSON on stdout.")
 sets_option = click.option(
-    "--set", "sets", multiple=True, metavar="KEY=VALUE",
+    "--set",
+    "sets",
+    multiple=True,
+    metavar="KEY=VALUE",
     help="Override a setting, such as session.preset=paper; repeatable.",
-)  # fmt: skip
+)
 picture_option = click.option(
-    "--picture", type=PngPath(),
+    "--picture",
+    type=PngPath(),
     help="PNG to draw: each finger's firmest contact, then touch, level, fingers and vest over time.",
-)  # fmt: skip
+)
 
 
 def person_option(help_text: str) -> Callable[[_Function], _Function]:
