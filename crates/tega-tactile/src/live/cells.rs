@@ -49,6 +49,8 @@ pub(super) struct Strip {
     sums: Vec<u16>,
     /// Of all cells, part by part: sums of every other pixel and of those between them, and two of no meaning.
     pairs: Vec<[u16; PAIR]>,
+    /// Of all cells: sums of both, and what comes after them.
+    both: Vec<u16>,
     /// Sums over all cells, of each of a pixel's bytes.
     cells: [Vec<i32>; 3],
     copy: Vec<u8>,
@@ -59,9 +61,7 @@ const PAIR: usize = 8;
 /// Bytes whose sum fits 16 bits.
 const TOGETHER: usize = 256;
 /// Rows that are summed at a time, at most.
-const MOST_ROWS: usize = 32;
-/// Cells whose pairs are added at a time.
-const CELLS: usize = 32;
+const MOST_ROWS: usize = 16;
 
 tega_simd::dispatched! {
     /// Averages an image of the grid's size over each cell.
@@ -71,13 +71,14 @@ tega_simd::dispatched! {
 
 #[inline(always)]
 fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
-    let Strip { sums, pairs, cells, copy } = strip;
+    let Strip { sums, pairs, both, cells, copy } = strip;
     // The sums of higher cells need more bits: they are those of parts, which are added up.
-    let most = MOST_ROWS.min(TOGETHER / grid.side.div_ceil(2));
+    let most = MOST_ROWS.min(TOGETHER / grid.side);
     let parts = grid.side.div_ceil(most);
     sums.clear();
     sums.resize(3 * grid.side * grid.cols + PAIR, 0);
     pairs.resize(parts * grid.cells(), [0; PAIR]);
+    both.resize(PAIR * grid.cells(), 0);
     for cells in &mut *cells {
         cells.resize(grid.cells(), 0);
     }
@@ -105,7 +106,7 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
         }
     }
     for (part, pairs) in pairs.chunks_exact(grid.cells()).enumerate() {
-        add_cells(pairs, cells, if part == 0 { 0 } else { -1 });
+        add_cells(pairs.as_flattened(), both, cells, if part == 0 { 0 } else { -1 });
     }
     for (plane, sums) in planes.iter_mut().zip(&*cells) {
         plane.resize(grid.cells(), 0);
@@ -171,19 +172,14 @@ fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
 
 /// Adds the sums of the first and of the second pixels of pairs to the kept bits of those of cells.
 #[inline(always)]
-fn add_cells(pairs: &[[u16; PAIR]], cells: &mut [Vec<i32>; 3], kept: i32) {
-    let mut both = [[0; PAIR]; CELLS];
-    for (k, pairs) in pairs.chunks(CELLS).enumerate() {
-        let pixels = pairs.as_flattened();
-        let seconds = pixels.get(3..).unwrap_or_default();
-        for (both, (first, second)) in both.as_flattened_mut().iter_mut().zip(pixels.iter().zip(seconds)) {
-            *both = i32::from(*first) + i32::from(*second);
-        }
-        for (byte, cells) in cells.iter_mut().enumerate() {
-            let cells = cells.get_mut(CELLS * k..).unwrap_or_default();
-            for (sum, both) in cells.iter_mut().zip(&both) {
-                *sum = (*sum & kept) + both[byte];
-            }
+fn add_cells(pairs: &[u16], both: &mut [u16], cells: &mut [Vec<i32>; 3], kept: i32) {
+    let seconds = pairs.get(3..).unwrap_or_default();
+    for (both, (first, second)) in both.iter_mut().zip(pairs.iter().zip(seconds)) {
+        *both = first + second;
+    }
+    for (byte, cells) in cells.iter_mut().enumerate() {
+        for (sum, both) in cells.iter_mut().zip(both.as_chunks::<PAIR>().0) {
+            *sum = (*sum & kept) + i32::from(both[byte]);
         }
     }
 }

@@ -5,7 +5,7 @@
 //! nothing touches, and counts broad contacts by all the picture that they change. One cell that outweighs all others is left out.
 
 use super::cells::Grid;
-use super::rank::{key_of, ranked};
+use super::rank::{Keys, middles};
 
 /// Values that are summed side by side, in one order on every processor.
 pub(crate) const LANES: usize = 8;
@@ -36,14 +36,13 @@ pub(super) struct Colour {
     y: Vec<f32>,
     /// Sums of their squares.
     squares: [f32; 2],
-    /// Places of the columns of cells among the pooled ones.
-    across: Vec<f32>,
+    /// Places of the cells among the pooled ones, along rows and along columns.
+    among: [Vec<f32>; 2],
     pooled: Field,
     gel: Field,
     left: Field,
     weights: Vec<f32>,
-    /// The pooled values as [`key_of`] them, and the largest past their end.
-    keys: [Vec<i32>; 3],
+    keys: [Keys; 3],
 }
 
 impl Colour {
@@ -62,14 +61,17 @@ impl Colour {
             rows,
             cols,
             squares,
-            across: (0..grid.cols).map(|col| place_among(col, cols)).collect(),
+            among: [
+                (0..grid.cells()).map(|cell| place_among(cell % grid.cols, cols)).collect(),
+                (0..grid.cells()).map(|cell| place_among(cell / grid.cols, rows)).collect(),
+            ],
             x,
             y,
             weights,
             pooled: field(),
             gel: field(),
             left: field(),
-            keys: [0; 3].map(|_| vec![i32::MAX; n.next_multiple_of(4 * LANES)]),
+            keys: [0; 3].map(|_| Keys::of(rows * cols)),
         }
     }
 
@@ -129,11 +131,9 @@ impl Colour {
         }
         let means = sums(&self.gel, cells).map(|sum| sum / cells as f32);
         for (keys, pooled) in self.keys.iter_mut().zip(&self.pooled) {
-            keys.iter_mut()
-                .zip(pooled.iter().take(cells))
-                .for_each(|(key, v)| *key = key_of(v.to_bits() as i32));
+            keys.take(pooled);
         }
-        let middles = ranked(&self.keys, cells / 2).map(|key| f32::from_bits(key_of(key) as u32));
+        let middles = middles(&mut self.keys);
         for (c, mean) in means.iter().enumerate() {
             self.gel[c].iter_mut().take(cells).for_each(|b| *b = (*b - mean) / GAIN_COUNTS);
             without_plane(&self.pooled[c], &self.x, &self.y, [middles[c], 0.0, 0.0], &mut self.left[c]);
@@ -154,13 +154,9 @@ impl Colour {
         for (c, fit) in fits.into_iter().enumerate() {
             let [level, x, y, gain] = fit;
             let gain = gain / GAIN_COUNTS;
-            for (row, (white, gel)) in
-                white[c].chunks_exact_mut(grid.cols).zip(gel[c].chunks_exact(grid.cols)).enumerate()
-            {
-                let level = level + y * place_among(row, self.rows) - gain * means[c];
-                for ((white, gel), place) in white.iter_mut().zip(gel).zip(&self.across) {
-                    *white -= level + x * place + gain * gel;
-                }
+            let (shift, [across, down]) = (gain * means[c], &self.among);
+            for (((white, gel), across), down) in white[c].iter_mut().zip(&gel[c]).zip(across).zip(down) {
+                *white -= (level + y * down - shift) + x * across + gain * gel;
             }
         }
         self.statistic()

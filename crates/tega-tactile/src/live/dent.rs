@@ -271,25 +271,23 @@ fn energy([a, b, c]: [&[f32]; 3], out: &mut [f32]) {
 /// 1-2-1 both ways; cells at the border are repeated.
 #[inline(always)]
 fn smooth(plane: &[f32], grid: &Grid, spare: &mut [f32], out: &mut [f32]) {
-    let cols = grid.cols;
-    let line = |r: usize| plane.get(r * cols..(r + 1) * cols).unwrap_or_default();
-    for (row, spare) in spare.chunks_exact_mut(cols).enumerate() {
-        one_two_one(line(row.saturating_sub(1)), line(row), line((row + 1).min(grid.rows - 1)), spare);
+    let (rows, cols) = (grid.rows, grid.cols);
+    let from = |row: usize| plane.get(row * cols..).unwrap_or_default();
+    // Of the last row the one after it is itself.
+    let (inner, last) = spare.split_at_mut((rows - 1) * cols);
+    let (first, inner) = inner.split_at_mut(inner.len().min(cols));
+    one_two_one(from(0), from(0), from(1), first);
+    one_two_one(from(0), from(1), from(2), inner);
+    one_two_one(from(rows.saturating_sub(2)), from(rows - 1), from(rows - 1), last);
+    out.copy_from_slice(spare);
+    if cols == 1 {
+        return;
     }
+    let after = |cells: usize| spare.get(cells..).unwrap_or_default();
+    one_two_one(spare, after(1), after(2), out.get_mut(1..).unwrap_or_default());
     for (spare, out) in spare.chunks_exact(cols).zip(out.chunks_exact_mut(cols)) {
-        let (before, after) = (spare.get(..cols - 1).unwrap_or_default(), spare.get(1..).unwrap_or_default());
-        if cols > 1 {
-            one_two_one(
-                before,
-                after,
-                spare.get(2..).unwrap_or_default(),
-                out.get_mut(1..cols - 1).unwrap_or_default(),
-            );
-            out[0] = 0.25 * (3.0 * spare[0] + spare[1]);
-            out[cols - 1] = 0.25 * (3.0 * spare[cols - 1] + spare[cols - 2]);
-        } else {
-            out.copy_from_slice(spare);
-        }
+        out[0] = 0.25 * (3.0 * spare[0] + spare[1]);
+        out[cols - 1] = 0.25 * (3.0 * spare[cols - 1] + spare[cols - 2]);
     }
 }
 

@@ -19,6 +19,7 @@ pub(super) struct Solver {
     across: [Vec<f32>; 2],
     inverse: Vec<f32>,
     slopes: [Vec<f32>; 2],
+    downward: Vec<f32>,
     field: Vec<f32>,
     spare: Vec<f32>,
     /// The depth of the last call in cells (a slope of 1 over the width of a cell).
@@ -60,6 +61,7 @@ impl Solver {
             across: transform(grid.cols, stride),
             inverse: divide,
             slopes: [vec![0.0; n], vec![0.0; n]],
+            downward: vec![0.0; n],
             field: vec![0.0; padded],
             spare: vec![0.0; padded],
             depth: vec![0.0; n],
@@ -75,14 +77,17 @@ impl Solver {
         }
         let (rows, cols) = (grid.rows, grid.cols);
         let stride = cols.next_multiple_of(LANES);
-        divergence(&self.slopes, grid, stride, &mut self.field);
+        divergence(&self.slopes, grid, &mut self.downward, &mut self.depth);
+        for (field, depth) in self.field.chunks_exact_mut(stride).zip(self.depth.chunks_exact(cols)) {
+            field.split_at_mut(cols).0.copy_from_slice(depth);
+        }
         multiply(&self.down[0], &self.field, rows, [rows, stride], &mut self.spare);
         multiply(&self.spare, &self.across[1], cols, [stride, stride], &mut self.field);
         multiply_each(&mut self.field, &self.inverse);
         multiply(&self.down[1], &self.field, rows, [rows, stride], &mut self.spare);
         multiply(&self.spare, &self.across[0], cols, [stride, stride], &mut self.field);
         for (depth, field) in self.depth.chunks_exact_mut(cols).zip(self.field.chunks_exact(stride)) {
-            depth.iter_mut().zip(field).for_each(|(d, f)| *d = *f);
+            depth.copy_from_slice(field.split_at(cols).0);
         }
     }
 }
@@ -93,28 +98,35 @@ fn multiply_each(values: &mut [f32], by: &[f32]) {
     values.iter_mut().zip(by).for_each(|(v, by)| *v *= by);
 }
 
-/// Minus the divergence of the slopes, each taken halfway between two cells; nothing flows over the picture's border. Rows of `out` lie
-/// `stride` apart.
+/// Minus the divergence of the slopes, each taken halfway between two cells; nothing flows over the picture's border. `downward` is what flows
+/// from row to row.
 #[inline(always)]
-fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f32]) {
-    let cols = grid.cols;
-    let line = |r: usize| gy.get(r * cols..(r + 1) * cols).unwrap_or_default();
-    for ((row, out), gx) in out.chunks_exact_mut(stride).enumerate().zip(gx.chunks_exact(cols)) {
-        let out = out.get_mut(..cols).unwrap_or_default();
-        let (above, below) = (line(row.saturating_sub(1)), line((row + 1).min(grid.rows - 1)));
-        half_difference(above, below, out);
+fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, downward: &mut [f32], out: &mut [f32]) {
+    let (rows, cols) = (grid.rows, grid.cols);
+    let line = |row: usize| gy.get(row * cols..(row + 1) * cols).unwrap_or_default();
+    half_difference(gy, gy.get(2 * cols..).unwrap_or_default(), downward.get_mut(cols..).unwrap_or_default());
+    for row in [0, rows - 1] {
+        let downward = downward.get_mut(row * cols..(row + 1) * cols).unwrap_or_default();
+        half_difference(line(row.saturating_sub(1)), line((row + 1).min(rows - 1)), downward);
         // At the border a slope has no neighbour: what flows is its own half, over the other side alone.
-        let missing = f32::from(u8::from(row + 1 == grid.rows)) - f32::from(u8::from(row == 0));
+        let missing = f32::from(u8::from(row + 1 == rows)) - f32::from(u8::from(row == 0));
         if missing != 0.0 {
-            out.iter_mut().zip(line(row)).for_each(|(out, here)| *out += missing * here);
+            downward.iter_mut().zip(line(row)).for_each(|(out, here)| *out += missing * here);
         }
-        if let Some(inner) = out.get_mut(1..cols - 1) {
-            add_half_difference(gx, gx.get(2..).unwrap_or_default(), inner);
-        }
-        if cols > 1 {
-            out[0] -= 0.5 * (gx[0] + gx[1]);
-            out[cols - 1] += 0.5 * (gx[cols - 1] + gx[cols - 2]);
-        }
+    }
+    out.copy_from_slice(downward);
+    if cols == 1 {
+        return;
+    }
+    let (right, inner) = (gx.get(2..).unwrap_or_default(), out.get_mut(1..).unwrap_or_default());
+    for ((out, left), right) in inner.iter_mut().zip(gx).zip(right) {
+        *out += 0.5 * (left - right);
+    }
+    for ((out, downward), gx) in
+        out.chunks_exact_mut(cols).zip(downward.chunks_exact(cols)).zip(gx.chunks_exact(cols))
+    {
+        out[0] = downward[0] - 0.5 * (gx[0] + gx[1]);
+        out[cols - 1] = downward[cols - 1] + 0.5 * (gx[cols - 1] + gx[cols - 2]);
     }
 }
 
@@ -123,14 +135,6 @@ fn divergence([gx, gy]: &[Vec<f32>; 2], grid: &Grid, stride: usize, out: &mut [f
 fn half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
     for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
         *out = 0.5 * (a - b);
-    }
-}
-
-/// Adds half of what one row has over the other.
-#[inline(always)]
-fn add_half_difference(a: &[f32], b: &[f32], out: &mut [f32]) {
-    for ((out, a), b) in out.iter_mut().zip(a).zip(b) {
-        *out += 0.5 * (a - b);
     }
 }
 
