@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -76,8 +76,13 @@ class Lab:
         return f"{view.state}: {view.reason} {' '.join(view.alerts)}"
 
     @contextmanager
-    def session(self, *, observe: Callable[[LoopView], None] | None = None) -> Iterator[None]:
-        """Run a session beside what a test does to it; the run ends with that, and its error is raised then."""
+    def session(
+        self,
+        *,
+        observe: Callable[[LoopView], None] | None = None,
+        ends: AbstractContextManager[object] | None = None,
+    ) -> Iterator[None]:
+        """Run a session beside what a test does to it; its error is raised after that, within ``ends``."""
         self.changes, self.views, self.stop = [], [], Stop()
         begun = threading.Event()
 
@@ -102,12 +107,8 @@ class Lab:
                 yield
             finally:
                 self.stop.ask("the script is over")
-            self.summary = run.result()
-
-    def run(self, script: Callable[[], None], *, observe: Callable[[LoopView], None] | None = None) -> None:
-        """Run a session and a script beside it."""
-        with self.session(observe=observe):
-            script()
+            with ends or nullcontext():
+                self.summary = run.result()
 
     def write_settings(self) -> Path:
         """Write the settings as a file for the command line."""

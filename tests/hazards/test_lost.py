@@ -150,15 +150,11 @@ def test_a_dead_man_that_freezes_while_it_is_held_holds(tmp_path: Path) -> None:
 )
 def test_a_hand_in_trouble_is_let_go_and_the_vest_rests(tmp_path: Path, fault: str, words: str) -> None:
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
-
-        def script() -> None:
+        with made.session(ends=pytest.raises(DeviceUnavailableError, match=words)):
             made.until(lambda: made.state == "active" and closed(made) and column(made, 0))
             made.hand.say(fault)
             made.until(lambda: made.state == "stopped")
             assert words in made.changes[-1].reason
-
-        with pytest.raises(DeviceUnavailableError, match=words):
-            made.run(script)
         assert made.limp()
         made.until(made.at_rest)
 
@@ -175,14 +171,10 @@ def test_no_torque_is_beyond_the_share_that_is_set() -> None:
 
 def test_a_silent_hand_ends_the_run(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
-
-        def script() -> None:
+        with made.session(ends=pytest.raises(DeviceUnavailableError, match="silent")):
             made.until(lambda: made.state == "active" and closed(made))
             made.hand.say("silence")
             made.until(lambda: made.state == "stopped")
-
-        with pytest.raises(DeviceUnavailableError, match="silent"):
-            made.run(script)
         made.until(made.at_rest)
 
 
@@ -274,9 +266,8 @@ def test_without_calibration_nothing_starts(tmp_path: Path) -> None:
         # A run that does start measures the finger's greatest touch until it is told to stop.
         ends = threading.Timer(3.0, lambda: made.stop.ask("it has started"))
         ends.start()
-        with pytest.raises(BaseException, match=r"calibration\.file|no calibration") as raised:
-            made.run(lambda: None)
+        with pytest.raises(CalibrationError, match=r"calibration\.file|no calibration"), made.session():
+            pass
         ends.cancel()
-        assert raised.type is CalibrationError
         assert made.limp()
         assert made.at_rest()

@@ -103,11 +103,8 @@ def test_a_key_stops(tmp_path: Path) -> None:
 
 def test_the_set_time_stops(tmp_path: Path) -> None:
     with whole(tmp_path, session={"duration_s": 3.0}) as made:
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "stopped")
-
-        made.run(script)
         assert made.limp()
         made.until(made.at_rest)
     assert made.summary["ended"] == "duration"
@@ -122,26 +119,13 @@ def test_an_error_in_the_program_stops(tmp_path: Path) -> None:
             raise ZeroDivisionError("a mistake")
 
     with whole(tmp_path) as made:
-
-        def script() -> None:
+        with made.session(observe=burst, ends=pytest.raises(ZeroDivisionError)):
             made.until(lambda: column(made, 0) and closed(made))
             felt.append(True)
             made.until(lambda: made.state == "stopped")
-
-        with pytest.raises(ZeroDivisionError):
-            made.run(script, observe=burst)
         assert made.limp()
         made.until(made.at_rest)
     assert made.changes[-1].reason == "stopped: a mistake"
-
-
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_killed_or_frozen_run_leaves_all_safe(tmp_path: Path, how: signal.Signals) -> None:
-    with whole(tmp_path) as made:
-        running = start(made)
-        running.send_signal(how)
-        made.until(made.at_rest)
-        made.until(made.limp)
 
 
 def test_a_full_disk_ends_the_tables_and_not_the_run(tmp_path: Path) -> None:

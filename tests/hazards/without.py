@@ -25,10 +25,15 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
-from hazards.guards import GUARDS, LATE, Guard
+from hazards.guards import LATE, Guard
+from hazards.guards_of_devices import OF_DEVICES
+from hazards.guards_of_runs import OF_RUNS
 from tega import _native
 
-__all__ = ["PAGE", "place", "read_page", "write_page"]
+__all__ = ["EVERY", "GUARDS", "read_page"]
+
+GUARDS: Final = (*OF_DEVICES, *OF_RUNS)
+EVERY: Final = (*GUARDS, *LATE)
 
 ROOT: Final = Path(__file__).parents[2]
 PAGE: Final = ROOT / "tests/hazards/guards-seen.md"
@@ -160,7 +165,7 @@ class Copy:
         if whole[0] != "passes":
             return Tried(guard, where, whole[0], "unproven", whole[1])
         text = file.read_text(encoding="utf-8")
-        file.write_text(text.replace(guard.old, guard.new), encoding="utf-8")
+        file.write_text(text.replace(guard.old, guard.without), encoding="utf-8")
         try:
             outcome, words = self.run(guard.shown_by, patient=patient)
         finally:
@@ -238,9 +243,8 @@ def write_page(tried: Sequence[Tried], commit: str) -> None:
         guard = one.guard
         key = (guard.what, guard.shown_by)
         rows[key] = [guard.what, f"`{one.where}`", f"`{guard.shown_by}`", one.said, commit]
-    every = [*GUARDS, *LATE]
     absent = ["", "", "", "not tried", ""]
-    kept = [rows.get((g.what, g.shown_by), [g.what, "", f"`{g.shown_by}`", *absent[3:]]) for g in every]
+    kept = [rows.get((g.what, g.shown_by), [g.what, "", f"`{g.shown_by}`", *absent[3:]]) for g in EVERY]
     proven = sum(row[3] == "fails" for row in kept)
     survive = sum("SURVIVES" in row[3] for row in kept)
     commits = sorted({row[4] for row in kept if row[4]})
@@ -262,7 +266,7 @@ def main() -> int:
     requested = parser.parse_args()
     # A job in the background is deaf to Ctrl-C, and so are its children.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    chosen = [guard for guard in (*GUARDS, *LATE) if requested.only in f"{guard.what} {guard.shown_by}"]
+    chosen = [guard for guard in EVERY if requested.only in f"{guard.what} {guard.shown_by}"]
     if requested.third:
         third = dt.datetime.now(tz=dt.UTC).toordinal() if requested.third == "today" else int(requested.third)
         chosen = chosen[third % 3 :: 3]

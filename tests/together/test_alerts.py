@@ -34,13 +34,10 @@ def recorded(summary: dict[str, Any], folder: Path) -> list[str]:
 
 def disturbed(made: Lab, folder: Path, disturb: Callable[[], None], words: str) -> None:
     """Disturb an active run until its display has an alert; the recording has it, too."""
-
-    def script() -> None:
+    with made.session():
         made.until(lambda: made.state == "active")
         disturb()
         made.until(lambda: words in made.said())
-
-    made.run(script)
     assert any(words in text for text in recorded(made.summary, folder))
 
 
@@ -63,8 +60,7 @@ def test_a_latency_over_its_budget_is_an_alert(tmp_path: Path) -> None:
     with lab(tmp_path, emg=True, vest=True, fingers=("thumb",), recording=recording) as made:
         made.tree["safety"] |= {"latency_budget_ms": 0.001}
         presses = cycle(["press 0", "press 0.7"])
-
-        def script() -> None:
+        with made.session():
             made.until(lambda: made.state == "active")
 
             def reported() -> bool:
@@ -73,22 +69,16 @@ def test_a_latency_over_its_budget_is_an_alert(tmp_path: Path) -> None:
                 return "ms are allowed" in made.said()
 
             made.until(reported)
-
-        made.run(script)
         assert any("ms are allowed" in text for text in recorded(made.summary, tmp_path / "recorded"))
 
 
 @pytest.mark.raises("recording")
 def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made:
-
-        def script() -> None:
-            made.until(lambda: made.state == "active")
-            (pid,) = begun_by(os.getpid(), "tega.recording.recorder_program")
-            os.kill(pid, signal.SIGKILL)
-            made.until(lambda: "recorder's process ended" in made.said())
-
-        made.run(script)
+    with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made, made.session():
+        made.until(lambda: made.state == "active")
+        (pid,) = begun_by(os.getpid(), "tega.recording.recorder_program")
+        os.kill(pid, signal.SIGKILL)
+        made.until(lambda: "recorder's process ended" in made.said())
     # The file ended before it; the summary has it.
     assert any("recorder's process ended" in text for text in made.summary["safety"]["alerts"])
     # A script that started the run sees it by the exit code.

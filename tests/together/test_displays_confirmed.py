@@ -114,8 +114,8 @@ def bench(folder: Path, **tables: Any) -> Any:
 def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path: Path) -> None:
     with bench(tmp_path, safety={"hold_ms": 1000.0}) as made:
         made.may_go = False
-
-        def script() -> None:
+        moments: list[Shown] = []
+        with made.session(observe=lambda view: moments.append(displayed(view))):
             made.until(lambda: made.state == "armed")
             time.sleep(1.0)
             made.may_go = True
@@ -125,9 +125,6 @@ def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path
             made.until(lambda: made.state == "hold")
             made.until(lambda: made.state == "idle")
             time.sleep(1.0)
-
-        moments: list[Shown] = []
-        made.run(script, observe=lambda view: moments.append(displayed(view)))
     states = compared(moments, tmp_path)
     assert set(states) == {"armed", "active", "hold", "idle", "stopped"}
     # The muscles squeeze while the run waits, and after the loss the last level stands: the hand is open all the same.
@@ -145,17 +142,14 @@ def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path
 
 def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
     with bench(tmp_path) as made:
-
-        def script() -> None:
+        moments: list[Shown] = []
+        made.tree["hand"]["options"]["silent_after_ms"] = 200.0
+        lost = pytest.raises(DeviceUnavailableError)
+        with made.session(observe=lambda view: moments.append(displayed(view)), ends=lost):
             made.until(lambda: made.state == "active")
             time.sleep(1.0)
             made.hand.say("silence")
             made.until(lambda: made.state == "stopped")
-
-        moments: list[Shown] = []
-        made.tree["hand"]["options"]["silent_after_ms"] = 200.0
-        with pytest.raises(DeviceUnavailableError):
-            made.run(script, observe=lambda view: moments.append(displayed(view)))
     states = compared(moments, tmp_path)
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason
