@@ -139,7 +139,7 @@ def try_cell(cell: Cell, folder: Path) -> Seen:
         begun_s = time.monotonic()
         with _fault(cell, started) as goes_on_s:
             seen = _watched(expected(cell).outcome, started, begun_s, goes_on_s)
-        return seen._replace(words=started.last_words())
+        return seen._replace(words=started.program.said.strip().rpartition("\n")[2].strip())
 
 
 @contextmanager
@@ -147,9 +147,9 @@ def _fault(cell: Cell, started: Started) -> Iterator[list[float]]:
     """Make the fault; yield the moment at which stopped processes go on, once they do."""
     goes_on_s: list[float] = []
     if cell.event in {"closed terminal", "dropped SSH"}:
-        started.hang_up()
+        started.program.hang_up()
     elif cell.event == "end of the scope":
-        started.end_scope()
+        started.program.end_scope()
     else:
         pids = [pid for role in _roles(cell.targets) for pid in started.roles[role]]
         if cell.event == "STOP 3 s":

@@ -13,11 +13,11 @@ import sys
 import tempfile
 import threading
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -48,11 +48,6 @@ _ON_TERMINAL: Final = (
 )
 
 
-def command(*words: object) -> list[str]:
-    """Return the words that run ``tega-teleop`` with every signal as a terminal starts it."""
-    return [sys.executable, "-c", _FIRST, *map(str, words)]
-
-
 @cache
 def _systemd() -> list[str]:
     """Return the word that names a running systemd's manager, the system's or the user's; ``[]`` for none."""
@@ -69,34 +64,31 @@ class Program:
     """A command, on a pseudo-terminal where it is to be lost, else without one.
 
     Args:
-        words: Its words.
+        words: Words behind ``tega-teleop``, with every signal as a terminal starts it.
         terminal: Whether it has a terminal, whose controlling process it is.
         shell: Whether a shell has the terminal, as over SSH, and the command is its job.
         typed: Text to be typed whenever the program asks for Enter.
     """
 
-    def __init__(self, words: Sequence[str], *, terminal: bool, shell: bool = False, typed: str = "") -> None:
+    def __init__(self, *words: object, terminal: bool, shell: bool, typed: str = "") -> None:
+        command = [sys.executable, "-c", _FIRST, *map(str, words)]
         # Appended to by the program and by this one, and read from its start.
         self._err = tempfile.NamedTemporaryFile("ab", buffering=0)  # noqa: SIM115  # closed with the program
         self._master, self._closing, self._unit = -1, threading.Event(), ""
-        if not terminal and not typed:
+        self.terminal = terminal
+        if not terminal:
+            none = subprocess.DEVNULL
             self.process = subprocess.Popen(
-                words, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=self._err,
-                start_new_session=True,
-            )  # fmt: skip
+                command, stdin=none, stdout=none, stderr=self._err, start_new_session=True
+            )
             return
         self._master, slave = pty.openpty()
-        line = ["bash", "--norc", "--noprofile", "-i"] if shell else [*self._scope(), *words]
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", _ON_TERMINAL, *line],
-            stdin=slave,
-            stdout=slave,
-            stderr=slave,
-            start_new_session=True,
-        )
+        line = ["bash", "--norc", "--noprofile", "-i"] if shell else [*self._scope(), *command]
+        line = [sys.executable, "-c", _ON_TERMINAL, *line]
+        self.process = subprocess.Popen(line, stdin=slave, stdout=slave, stderr=slave, start_new_session=True)
         os.close(slave)
         if shell:
-            os.write(self._master, (shlex.join(words) + "\n").encode())
+            os.write(self._master, (shlex.join(command) + "\n").encode())
         self._reader = threading.Thread(target=self._read, args=(typed,), daemon=True)
         self._reader.start()
 
@@ -181,9 +173,9 @@ class Started:
     """
 
     def __init__(
-        self, program: Program, hand: Emulator | None, vest: Emulator | None, *, steers: bool
+        self, program: Program, hand: Emulator | None, vest: Emulator | None = None, *, steers: bool = True
     ) -> None:
-        self._program, self._hand, self._vest = program, hand, vest
+        self.program, self._hand, self._vest = program, hand, vest
         main = program.pid
         self.roles = {"run": [main], "hand process": [], "guard": []}
         if steers:
@@ -206,21 +198,11 @@ class Started:
         opened = np.abs(np.array(check["angles_rad"]) - TIGHT).max() > 0.3
         return float(check["t_s"]) if opened else 0.0
 
-    def end_scope(self) -> None:
-        """End the control group of the program."""
-        self._program.end_scope()
 
-    def hang_up(self) -> None:
-        """Close the program's terminal."""
-        self._program.hang_up()
+class Begin(Protocol):
+    """Starts ``tega-teleop`` with words, ended with the cell; only the one that is ``lost`` has a terminal."""
 
-    def last_words(self) -> str:
-        """Return the last line of the error output."""
-        lines = self._program.said.strip().splitlines()
-        return lines[-1].strip() if lines else ""
-
-
-Start = Callable[[ExitStack, Path, bool, bool], Started]
+    def __call__(self, *words: object, lost: bool = True) -> Program: ...
 
 
 class Subject(NamedTuple):
@@ -228,28 +210,32 @@ class Subject(NamedTuple):
 
     Attributes:
         command: The command, for the page.
-        start: Starts it.
+        start: Starts it, and its devices.
         steers: Whether it steers a hand itself, in a hand process with a guard.
         otherwise: Expected outcome of one that does not.
         within_s: Longest time until then, seconds.
+        typed: Text to be typed, on a terminal of its own, whenever it asks for Enter.
     """
 
     command: str
-    start: Start
+    start: Callable[[ExitStack, Path, Begin], Started]
     steers: bool = True
     otherwise: Literal["opens", "rests"] = "rests"
     within_s: float = 0.0
+    typed: str = ""
 
     @contextmanager
     def started(self, folder: Path, *, terminal: bool, shell: bool) -> Iterator[Started]:
         """Start it in a folder, and end everything of it afterwards."""
         with ExitStack() as stack:
-            yield self.start(stack, folder, terminal, shell)
 
+            def begin(*words: object, lost: bool = True) -> Program:
+                has_terminal = lost and (terminal or bool(self.typed))
+                program = Program(*words, terminal=has_terminal, shell=lost and shell, typed=self.typed)
+                stack.callback(program.end)
+                return program
 
-def _begun(stack: ExitStack, program: Program) -> Program:
-    stack.callback(program.end)
-    return program
+            yield self.start(stack, folder, begin)
 
 
 def _lab(stack: ExitStack, folder: Path, **devices: Any) -> EmulatedLab:
@@ -279,84 +265,72 @@ def _await_push(hand: Emulator, program: Program, *, tight: bool = True) -> None
     until(pushes)
 
 
-def _run(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
+def _run(stack: ExitStack, folder: Path, begin: Begin) -> Started:
     lab = _lab(stack, folder, emg_hz=250.0)
-    words = command("run", _written(folder, lab.tree))
-    program = _begun(stack, Program(words, terminal=terminal, shell=shell))
+    program = begin("run", _written(folder, lab.tree))
     _await_push(lab.hand, program)
-    return Started(program, lab.hand, None, steers=True)
+    return Started(program, lab.hand)
 
 
-def _stations(which: Literal["robot", "operator"]) -> Start:
-    def start(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
-        lab = _lab(stack, folder, emg_hz=250.0)
-        address = f"tcp/127.0.0.1:{free_port()}"
-        trees = split(lab.tree, listen=address, connect=address)
-        trees[0]["safety"] = lab.tree["safety"]
-        files = dict(zip(("robot", "operator"), write_trees(folder, trees), strict=True))
-
-        def begin(verb: str) -> Program:
-            lost = verb == which
-            words = command(verb, files[verb])
-            return _begun(stack, Program(words, terminal=terminal and lost, shell=shell and lost))
-
-        robot = begin("robot")
-        if which == "operator" or not terminal:
-            until(lambda: "waits for an operator" in robot.said)
-        for tries_left in reversed(range(_TRIES)):
-            operator = begin("operator")
-            try:
-                _await_push(lab.hand, operator)
-                break
-            except AssertionError:  # it ends where the robot's station is not ready
-                if not tries_left:
-                    raise
-        return Started(robot if which == "robot" else operator, lab.hand, None, steers=which == "robot")
-
-    return start
+def _stations(which: Literal["robot", "operator"], stack: ExitStack, folder: Path, begin: Begin) -> Started:
+    lab = _lab(stack, folder, emg_hz=250.0)
+    address = f"tcp/127.0.0.1:{free_port()}"
+    trees = split(lab.tree, listen=address, connect=address)
+    trees[0]["safety"] = lab.tree["safety"]
+    robot_file, operator_file = write_trees(folder, trees)
+    robot = begin("robot", robot_file, lost=which == "robot")
+    if not robot.terminal:
+        until(lambda: "waits for an operator" in robot.said)
+    for tries_left in reversed(range(_TRIES)):
+        operator = begin("operator", operator_file, lost=which == "operator")
+        try:
+            _await_push(lab.hand, operator)
+            break
+        except AssertionError:  # it ends where the robot's station is not ready
+            if not tries_left:
+                raise
+    if which == "robot":
+        return Started(robot, lab.hand)
+    return Started(operator, lab.hand, steers=False)
 
 
-def _play(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:
+def _play(stack: ExitStack, folder: Path, begin: Begin) -> Started:
     lab = _lab(stack, folder)
     muscles = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 60.0}}
     recording = {"dir": str(folder / "session"), "stop_free_mib": 0.0}
     tree = {"session": {"pace": "fast"}, "emg": muscles, "recording": recording}
     summary = run_session(check_tree(tree, {}, base=folder).config)
     file = folder / "session" / str(summary["recording"]["file"])
-    words = command("play", file, "--to", _written(folder, lab.tree), "--from", "2")
-    program = _begun(stack, Program(words, terminal=terminal, shell=shell))
+    program = begin("play", file, "--to", _written(folder, lab.tree), "--from", "2")
     _await_push(lab.hand, program, tight=False)
-    return Started(program, lab.hand, None, steers=True)
+    return Started(program, lab.hand)
 
 
-def _measure(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:  # noqa: ARG001
+def _measure(stack: ExitStack, _folder: Path, begin: Begin) -> Started:
     hand = stack.enter_context(Emulator("allegro_port"))
     hand.go_ahead()
     there = ("--interface", hand.address["interface"], "--channel", hand.address["channel"])
-    program = _begun(
-        stack, Program(command("hand", "measure", *there, "--seconds", 45), terminal=terminal, shell=shell)
-    )
+    program = begin("hand", "measure", *there, "--seconds", 45)
     _await_push(hand, program, tight=False)
-    return Started(program, hand, None, steers=True)
+    return Started(program, hand)
 
 
-def _calibrate(stack: ExitStack, folder: Path, terminal: bool, shell: bool) -> Started:  # noqa: ARG001
+def _calibrate(stack: ExitStack, folder: Path, begin: Begin) -> Started:
     vest = stack.enter_context(Emulator("bhaptics_player", "--port", "0"))
     tree = {"vest": {"driver": "bhaptics-player", "layout": "x40", "options": {"port": vest.address["port"]}}}
-    words = command("calibrate", _written(folder, tree), "--person", "p01", "--time-scale", "4")
-    program = _begun(stack, Program(words, terminal=True, shell=shell, typed="\n"))
+    program = begin("calibrate", _written(folder, tree), "--person", "p01", "--time-scale", "4")
     until(lambda: any(seen_by(vest).motors))
     return Started(program, None, vest, steers=False)
 
 
 SUBJECTS: Final = {
     "run": Subject("tega-teleop run", _run),
-    "robot": Subject("tega-teleop robot", _stations("robot")),
+    "robot": Subject("tega-teleop robot", partial(_stations, "robot")),
     "operator": Subject(
-        "tega-teleop operator", _stations("operator"), steers=False, otherwise="opens", within_s=3.0
+        "tega-teleop operator", partial(_stations, "operator"), steers=False, otherwise="opens", within_s=3.0
     ),
     "play": Subject("tega-teleop play --to", _play),
     "hand": Subject("tega-teleop hand measure", _measure),
-    "calibrate": Subject("tega-teleop calibrate", _calibrate, steers=False, within_s=0.5),
+    "calibrate": Subject("tega-teleop calibrate", _calibrate, steers=False, within_s=0.5, typed="\n"),
 }
 """The programs, by a short name."""
