@@ -214,17 +214,12 @@ mod tests {
             let got = Sos::lowpass(200.0, cutoff_hz, 4);
             assert!(matches!(got, Err(EmgError::Cutoff { .. })), "{cutoff_hz}");
         }
-        assert!(matches!(
-            Sos::lowpass(f64::NAN, 50.0, 4),
-            Err(EmgError::OutOfRange(OutOfRange { name: "rate_hz", .. }))
-        ));
-        assert!(matches!(
-            Sos::lowpass(200.0, 50.0, 0),
-            Err(EmgError::OutOfRange(OutOfRange { name: "order", .. }))
-        ));
-        assert!(matches!(
-            Sos::highpass(200.0, 20.0, 9),
-            Err(EmgError::OutOfRange(OutOfRange { name: "order", .. }))
-        ));
+        for (got, name) in [
+            (Sos::lowpass(f64::NAN, 50.0, 4), "rate_hz"),
+            (Sos::lowpass(200.0, 50.0, 0), "order"),
+            (Sos::highpass(200.0, 20.0, 9), "order"),
+        ] {
+            assert!(got.is_err_and(|error| error.to_string().starts_with(name)), "{name}");
+        }
     }
 }

@@ -93,10 +93,7 @@ mod tests {
             Err(EmgError::CalibrationTooShort { samples: 19, tau: 20 })
         ));
         assert!(matches!(maxima(&[1.0; 401], 95.0), Err(EmgError::Ragged { .. })));
-        assert!(matches!(
-            maxima(&[1.0; 400], 101.0),
-            Err(EmgError::OutOfRange(OutOfRange { name: "percentile", .. }))
-        ));
+        assert!(maxima(&[1.0; 400], 101.0).is_err_and(|error| error.to_string().starts_with("percentile")));
         let mut gap = [1.0; 400];
         gap[7] = f64::NAN;
         assert!(matches!(maxima(&gap, 95.0), Err(EmgError::BadCalibrationSample { row: 3, channel: 2, .. })));

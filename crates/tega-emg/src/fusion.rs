@@ -82,31 +82,29 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_majority_wins_and_three_different_levels_take_the_mean_rounded_down() {
-        for (levels, fused) in
-            [([2, 2, 5], 2), ([1, 1, 5], 1), ([1, 2, 5], 2), ([1, 5, 5], 5), ([1, 4, 5], 3)]
-        {
-            assert_eq!(fuse_levels(&levels), Ok(fused));
+    fn a_majority_wins_and_without_one_the_mean_is_rounded_down() {
+        let cases: [(&[u8], u8); 10] = [
+            (&[2, 2, 5], 2),
+            (&[1, 1, 5], 1),
+            (&[1, 2, 5], 2),
+            (&[1, 5, 5], 5),
+            (&[1, 4, 5], 3),
+            (&[4], 4),
+            (&[2, 5], 3),
+            (&[1, 1, 2, 3, 5], 1),
+            (&[1, 1, 5, 5], 3),
+            (&[1, 1, 4, 4, 5], 3),
+        ];
+        for (levels, fused) in cases {
+            assert_eq!(fuse_levels(levels), Ok(fused), "{levels:?}");
         }
-    }
-
-    #[test]
-    fn any_number_of_channels_may_vote() {
-        assert_eq!(fuse_levels(&[4]), Ok(4));
-        assert_eq!(fuse_levels(&[2, 5]), Ok(3));
-        assert_eq!(fuse_levels(&[1, 1, 2, 3, 5]), Ok(1));
-        assert_eq!(fuse_levels(&[1, 1, 5, 5]), Ok(3));
-        assert_eq!(fuse_levels(&[1, 1, 4, 4, 5]), Ok(3));
     }
 
     #[test]
     fn nothing_and_nonsense_are_named() {
         assert_eq!(fuse_levels(&[]), Err(EmgError::NoLevels));
         for level in [0, 6, 255] {
-            assert!(matches!(
-                fuse_levels(&[1, level]),
-                Err(EmgError::OutOfRange(OutOfRange { name: "level", .. }))
-            ));
+            assert!(fuse_levels(&[1, level]).is_err_and(|error| error.to_string().starts_with("level")));
         }
     }
 

@@ -153,46 +153,34 @@ impl Confirm {
 mod tests {
     use super::*;
 
+    /// Levels after each block of means, of channels that all count.
+    fn levels<const N: usize>(blocks: impl IntoIterator<Item = [f64; N]>) -> Vec<[u8; N]> {
+        let (mut steady, mut levels) = (Steady::new(0.1, N, Intervals::Four), [0; N]);
+        let mut next = |means: [f64; N]| {
+            steady.levels(&means, &[1.0; N], &[true; N], &mut levels);
+            levels
+        };
+        blocks.into_iter().map(&mut next).collect()
+    }
+
     #[test]
     fn scatter_about_a_border_leaves_the_level_alone() {
-        let mut steady = Steady::new(0.1, 3, Intervals::Four);
-        let mut levels = [0; 3];
-        for block in 0..200usize {
-            // Three channels at half effort, ± a quarter of it, out of step with each other.
-            let means = [0, 1, 2].map(|c| 0.5 + 0.12 * [0.6, -1.0, 1.0, -0.6][(block * (c + 1) + c) % 4]);
-            let before = levels;
-            steady.levels(&means, &[1.0; 3], &[true; 3], &mut levels);
-            assert!(block < 2 || levels == before, "{block}: {before:?} -> {levels:?}");
-        }
+        // Three channels at half effort, ± a quarter of it, out of step with each other.
+        let scattered = (0..200usize)
+            .map(|block| [0, 1, 2].map(|c| 0.5 + 0.12 * [0.6, -1.0, 1.0, -0.6][(block * (c + 1) + c) % 4]));
+        let found = levels(scattered);
+        assert!(found[1..].iter().all(|levels| *levels == found[1]), "{found:?}");
     }
 
     #[test]
-    fn a_grip_of_all_channels_is_followed_at_once() {
-        let mut steady = Steady::new(0.1, 3, Intervals::Four);
-        let mut levels = [0; 3];
-        steady.levels(&[0.05; 3], &[1.0; 3], &[true; 3], &mut levels);
-        steady.levels(&[0.9; 3], &[1.0; 3], &[true; 3], &mut levels);
-        assert_eq!(levels, [4; 3]);
-        steady.levels(&[0.05; 3], &[1.0; 3], &[true; 3], &mut levels);
-        assert_eq!(levels, [1; 3]);
-    }
-
-    #[test]
-    fn one_channel_alone_is_followed_too() {
-        let mut steady = Steady::new(0.1, 3, Intervals::Four);
-        let mut levels = [0; 3];
-        steady.levels(&[0.05; 3], &[1.0; 3], &[true; 3], &mut levels);
-        steady.levels(&[0.9, 0.05, 0.05], &[1.0; 3], &[true; 3], &mut levels);
-        assert_eq!(levels, [4, 1, 1]);
+    fn a_grip_of_all_channels_and_one_of_one_are_followed_at_once() {
+        assert_eq!(levels([[0.05; 3], [0.9; 3], [0.05; 3]])[1..], [[4; 3], [1; 3]]);
+        assert_eq!(levels([[0.05; 3], [0.9, 0.05, 0.05]])[1], [4, 1, 1]);
     }
 
     #[test]
     fn opposite_changes_of_two_channels_do_not_hide_each_other() {
-        let mut steady = Steady::new(0.1, 2, Intervals::Four);
-        let mut levels = [0; 2];
-        steady.levels(&[0.5; 2], &[1.0; 2], &[true; 2], &mut levels);
-        steady.levels(&[1.1, 0.0], &[1.0; 2], &[true; 2], &mut levels);
-        assert_eq!(levels, [4, 2]);
+        assert_eq!(levels([[0.5; 2], [1.1, 0.0]])[1], [4, 2]);
     }
 
     fn passed(levels: &[u8]) -> Vec<u8> {

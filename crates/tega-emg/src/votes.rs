@@ -324,10 +324,8 @@ mod tests {
             assert!(matches!(ChannelVotes::new(200.0, wrong), Err(EmgError::OutOfRange(_))));
         }
         for rate_hz in [0.0, f64::NAN, 2e5] {
-            assert!(matches!(
-                ChannelVotes::new(rate_hz, rules(1)),
-                Err(EmgError::OutOfRange(OutOfRange { name: "rate_hz", .. }))
-            ));
+            let got = ChannelVotes::new(rate_hz, rules(1));
+            assert!(got.is_err_and(|error| error.to_string().starts_with("rate_hz")), "{rate_hz}");
         }
         let uneven = VoteRules { mains_rms: vec![1.0; 2], ..rules(1) };
         assert!(matches!(ChannelVotes::new(200.0, uneven), Err(EmgError::Channels { got: 2, wanted: 1 })));

@@ -4,50 +4,28 @@
 
 use ndarray::Array3;
 use proptest::prelude::*;
-use tega_tactile::{SensorNoise, Touch, TouchTracker, TrackerOptions};
+use tega_tactile::{TouchTracker, TrackerOptions};
 
-use crate::slopes::{Drift, Gel, Press, Random};
+use crate::slopes::{Drift, Finger, Press, update};
 
 const RATE_HZ: f64 = 30.0;
 
-/// A gel whose camera has so many times a DIGIT's noise.
-struct Finger {
-    gel: Gel,
-    random: Random,
-    noise: f32,
+fn finger(seed: u64, noise: f32) -> Finger {
+    Finger { noise, ..Finger::new(seed, 120, 160) }
 }
 
-impl Finger {
-    fn new(seed: u64, noise: f32) -> Self {
-        let mut random = Random(seed);
-        Self { gel: Gel::any(&mut random, 120, 160), random, noise }
+/// A frame with a share of a firm press, and the light changed by a gain of each row.
+fn lit(finger: &mut Finger, share: f64, gain: impl Fn(f64) -> f64) -> Array3<u8> {
+    let press = Press { centre: [0.45, 0.55], contact_radius: 40.0, ball_radius: 60.0 / share as f32 };
+    let mut counts = finger.gel.counts((share > 0.0).then_some(press), Drift::default());
+    for (y, mut row) in counts.outer_iter_mut().enumerate() {
+        row.mapv_inplace(|v| v * gain(y as f64 / 120.0) as f32);
     }
-
-    /// A frame with a share of a firm press, and the light changed by a gain of each row.
-    fn frame(&mut self, share: f64, gain: impl Fn(f64) -> f64) -> Array3<u8> {
-        let press = Press { centre: [0.45, 0.55], contact_radius: 40.0, ball_radius: 60.0 / share as f32 };
-        let mut counts = self.gel.counts((share > 0.0).then_some(press), Drift::default());
-        for (y, mut row) in counts.outer_iter_mut().enumerate() {
-            row.mapv_inplace(|v| v * gain(y as f64 / 120.0) as f32);
-        }
-        self.gel.frame_of(&mut self.random, counts, self.noise)
-    }
-
-    fn still(&mut self) -> Array3<u8> {
-        self.frame(0.0, |_| 1.0)
-    }
-
-    fn tracker(&mut self) -> TouchTracker {
-        let still: Vec<_> = (0..8).map(|_| self.still()).collect();
-        let views: Vec<_> = still.iter().map(|frame| frame.view()).collect();
-        let noise = SensorNoise::measure(&views, TrackerOptions::default().order).unwrap();
-        let options = TrackerOptions { rate_hz: RATE_HZ, noise, ..TrackerOptions::default() };
-        TouchTracker::new(still[0].view(), options).unwrap()
-    }
+    finger.gel.frame_of(&mut finger.random, counts, finger.noise)
 }
 
-fn update(tracker: &mut TouchTracker, frame: &Array3<u8>) -> Touch {
-    tracker.update(frame.view(), None, false).unwrap()
+fn pressed(finger: &mut Finger, share: f64) -> Array3<u8> {
+    lit(finger, share, |_| 1.0)
 }
 
 /// Share of a dent that a gel keeps, seconds after the release: as it was measured, and with one time constant.
@@ -70,13 +48,13 @@ fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
     ];
     for (number, course) in courses.into_iter().enumerate() {
         for noise in [0.1, 1.0] {
-            let mut finger = Finger::new(number as u64, noise);
-            let mut tracker = finger.tracker();
+            let mut finger = finger(number as u64, noise);
+            let mut tracker = finger.tracker(RATE_HZ, 8);
             for _ in 0..20 {
                 assert!(!update(&mut tracker, &finger.still()).in_contact);
             }
             for k in 0..60 {
-                let frame = finger.frame(1.0, |_| 1.0);
+                let frame = pressed(&mut finger, 1.0);
                 assert!(update(&mut tracker, &frame).in_contact || k < 2, "{number} {noise}: {k}");
             }
             for k in 0..750 {
@@ -84,7 +62,7 @@ fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
                 // A touch of a third of the depth while the leftover fades.
                 let again = (12.0..13.0).contains(&since_s);
                 let share = if again { 0.33 } else { course(since_s) };
-                let frame = finger.frame(share, |_| 1.0);
+                let frame = pressed(&mut finger, share);
                 let touch = update(&mut tracker, &frame);
                 assert!(
                     !again || since_s < 12.1 || touch.in_contact,
@@ -106,12 +84,12 @@ fn mains(hz: f64, amplitude: f64, t_s: f64) -> impl Fn(f64) -> f64 {
 fn mains_light_is_no_contact_and_does_not_shake_one() {
     for hz in [100.0, 99.0, 120.1] {
         for amplitude in [0.005, 0.01, 0.02] {
-            let mut finger = Finger::new(3, 0.3);
-            let mut tracker = finger.tracker();
+            let mut finger = finger(3, 0.3);
+            let mut tracker = finger.tracker(RATE_HZ, 8);
             let mut eda = Vec::new();
             for k in 0..180 {
                 let (t_s, pressed) = (f64::from(k) / RATE_HZ, k >= 90);
-                let frame = finger.frame(f64::from(u8::from(pressed)), mains(hz, amplitude, t_s));
+                let frame = lit(&mut finger, f64::from(u8::from(pressed)), mains(hz, amplitude, t_s));
                 let touch = update(&mut tracker, &frame);
                 assert!(
                     touch.in_contact == pressed || (90..92).contains(&k),
@@ -121,10 +99,10 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
                     eda.push(f64::from(touch.eda));
                 }
             }
-            let mut clean = Finger::new(3, 0.3);
-            let mut without = clean.tracker();
+            let mut clean = finger(3, 0.3);
+            let mut without = clean.tracker(RATE_HZ, 8);
             let wanted = (0..60)
-                .map(|k| update(&mut without, &clean.frame(f64::from(u8::from(k >= 30)), |_| 1.0)).eda)
+                .map(|k| update(&mut without, &pressed(&mut clean, f64::from(u8::from(k >= 30)))).eda)
                 .next_back()
                 .map(f64::from)
                 .unwrap();
@@ -139,13 +117,13 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
 
 #[test]
 fn a_burst_of_darkness_begins_no_contact_and_ends_none() {
-    let mut finger = Finger::new(5, 0.5);
-    let mut tracker = finger.tracker();
+    let mut finger = finger(5, 0.5);
+    let mut tracker = finger.tracker(RATE_HZ, 8);
     for k in 0..150 {
         let pressed = (60..120).contains(&k);
         // A tenth of a second without most of the light.
         let dark = [30, 31, 32, 90, 91, 92, 140, 141, 142].contains(&k);
-        let frame = finger.frame(f64::from(u8::from(pressed)), |_| if dark { 0.1 } else { 1.0 });
+        let frame = lit(&mut finger, f64::from(u8::from(pressed)), |_| if dark { 0.1 } else { 1.0 });
         let touch = update(&mut tracker, &frame);
         let turning = (60..62).contains(&k) || (120..124).contains(&k);
         assert!(turning || touch.in_contact == pressed, "{k}: {touch:?}");
@@ -183,15 +161,15 @@ fn stepped(frame: &Array3<u8>, step: f32) -> Array3<u8> {
 fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
     let mut alarms = 0;
     for seed in 0..12 {
-        let mut finger = Finger::new(seed, 0.3);
-        let mut tracker = finger.tracker();
+        let mut finger = finger(seed, 0.3);
+        let mut tracker = finger.tracker(RATE_HZ, 8);
         for k in 0..450 {
             let frame = stepped(&finger.still(), 1.5);
             // Before, how much the rest jumps is not known yet.
             alarms += usize::from(update(&mut tracker, &frame).in_contact && k >= 150);
         }
         for k in 0..30 {
-            let frame = stepped(&finger.frame(0.5, |_| 1.0), 1.5);
+            let frame = stepped(&pressed(&mut finger, 0.5), 1.5);
             assert!(update(&mut tracker, &frame).in_contact || k < 2, "{seed}: {k}");
         }
     }
@@ -201,7 +179,7 @@ fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
 
 #[test]
 fn the_first_frames_are_averaged_into_the_rest() {
-    let finger = Finger::new(7, 0.0);
+    let finger = finger(7, 0.0);
     let gel = finger.gel.counts(None, Drift::default());
     let still = gel.mapv(|v| v.round() as u8);
     // A baseline that is off by half a count over patches, as one frame with noise is.
@@ -224,12 +202,12 @@ proptest! {
         seed in any::<u64>(), shares in prop::collection::vec(0f64..1.2, 4..40), cut in 0usize..40, flicker in 0f64..0.03,
         gaps in prop::collection::vec(0f64..0.3, 40)
     ) {
-        let mut finger = Finger::new(seed, 0.5);
-        let mut whole = finger.tracker();
+        let mut finger = finger(seed, 0.5);
+        let mut whole = finger.tracker(RATE_HZ, 8);
         let mut other = None;
         for (k, share) in shares.iter().enumerate() {
             let press = if *share < 0.4 { 0.0 } else { *share };
-            let frame = finger.frame(press, mains(100.0, flicker, k as f64 / RATE_HZ));
+            let frame = lit(&mut finger, press, mains(100.0, flicker, k as f64 / RATE_HZ));
             if k == cut.min(shares.len() - 1) {
                 other = Some(whole.clone());
             }

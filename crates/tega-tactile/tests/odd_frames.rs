@@ -5,8 +5,8 @@
 use ndarray::{Array3, s};
 use tega_tactile::{SensorNoise, TouchTracker, TrackerOptions};
 
-use crate::slopes::{Drift, Random};
-use crate::tracker::{Finger, checked, press, tracker};
+use crate::slopes::{Drift, Finger, Random, update};
+use crate::tracker::{checked, followed, press, tracker};
 
 #[test]
 fn dropped_frames_lose_no_contact_and_make_none() {
@@ -50,27 +50,27 @@ fn black_and_saturated_pictures_and_a_stuck_pixel_are_read() {
             let mut tracker = TouchTracker::new(baseline.view(), options).unwrap();
             for frame in [baseline, &black, &white, &still, baseline] {
                 for _ in 0..30 {
-                    checked(&tracker.update(frame.view(), None, false).unwrap(), &tracker);
+                    followed(&mut tracker, frame);
                 }
             }
         }
     }
     // Lights that fail, or shine into the camera, are no contact of an even gel.
     let grey = Array3::from_elem((120, 160, 3), 90u8);
-    let mut followed = tracker(&grey, 60.0);
+    let mut even = tracker(&grey, 60.0);
     for frame in [&black, &white, &grey] {
         for _ in 0..30 {
-            assert!(!followed.update(frame.view(), None, false).unwrap().in_contact);
+            assert!(!update(&mut even, frame).in_contact);
         }
     }
     for (height, width) in [(320, 240), (120, 160)] {
         let mut finger = Finger::new(31, height, width);
         for stuck in [255, 0] {
-            let mut followed = tracker(&finger.still(), 60.0);
+            let mut even = tracker(&finger.still(), 60.0);
             for k in 0..60 {
                 let mut frame = finger.still();
                 frame.slice_mut(s![50, 70, ..]).fill(stuck);
-                let touch = followed.update(frame.view(), None, false).unwrap();
+                let touch = update(&mut even, &frame);
                 assert!(!touch.in_contact, "a pixel of {stuck}, frame {k}: {touch:?}");
             }
         }
@@ -85,8 +85,7 @@ fn every_size_from_one_pixel_on_is_tracked() {
         let other = gel.mapv(|v| v.wrapping_mul(5) ^ 0x3c);
         let mut tracker = tracker(&gel, 60.0);
         for frame in [&gel, &gel, &gel, &other, &other, &gel, &gel] {
-            let touch = tracker.update(frame.view(), None, false).unwrap();
-            checked(&touch, &tracker);
+            let touch = followed(&mut tracker, frame);
             assert!(height.min(width) >= 8 || !touch.in_contact, "{height}x{width}");
         }
     }
@@ -102,9 +101,7 @@ fn a_press_is_felt_and_let_go_at_every_size_of_a_camera() {
         let mut told = Vec::new();
         for k in 0..18 {
             let frame = finger.frame((4..10).contains(&k).then(|| press(0.5, 0.5)), Drift::default());
-            let touch = tracker.update(frame.view(), None, false).unwrap();
-            checked(&touch, &tracker);
-            told.push(touch.in_contact);
+            told.push(followed(&mut tracker, &frame).in_contact);
         }
         assert!(told[..4].iter().all(|on| !on), "{height}x{width}: before, {told:?}");
         assert!(told[6..10].iter().all(|on| *on), "{height}x{width}: pressed, {told:?}");

@@ -2,45 +2,33 @@
 
 #![allow(clippy::unwrap_used)]
 
-use ndarray::Array3;
 use proptest::prelude::*;
-use tega_tactile::{SensorNoise, Touch, TouchTracker, TrackerOptions};
+use tega_tactile::{Touch, TouchTracker};
 
-use crate::slopes::{Drift, Gel, Press, Random};
+use crate::slopes::{Drift, Finger, Press, update};
 
 const RATE_HZ: f64 = 60.0;
 const FIRM: f32 = 82.0;
 
-struct Finger {
-    gel: Gel,
-    random: Random,
+struct Rested {
+    finger: Finger,
     tracker: TouchTracker,
 }
 
-impl Finger {
+impl Rested {
     /// A fingertip that has rested for half a second.
-    fn rested(seed: u64) -> Self {
-        let mut random = Random(seed);
-        let gel = Gel::any(&mut random, 160, 120);
-        let still: Vec<_> = (0..20).map(|_| gel.frame(&mut random, None, Drift::default())).collect();
-        let views: Vec<_> = still.iter().map(|frame| frame.view()).collect();
-        let noise = SensorNoise::measure(&views, TrackerOptions::default().order).unwrap();
-        let options = TrackerOptions { rate_hz: RATE_HZ, noise, ..TrackerOptions::default() };
-        let tracker = TouchTracker::new(still[0].view(), options).unwrap();
-        let mut finger = Self { gel, random, tracker };
+    fn new(seed: u64) -> Self {
+        let mut finger = Finger::new(seed, 160, 120);
+        let tracker = finger.tracker(RATE_HZ, 20);
+        let mut rested = Self { finger, tracker };
         for _ in 0..30 {
-            assert!(!finger.update(None).in_contact);
+            assert!(!rested.update(None).in_contact);
         }
-        finger
-    }
-
-    fn frame(&mut self, press: Option<Press>) -> Array3<u8> {
-        self.gel.frame(&mut self.random, press, Drift::default())
+        rested
     }
 
     fn update(&mut self, press: Option<Press>) -> Touch {
-        let frame = self.frame(press);
-        self.tracker.update(frame.view(), None, false).unwrap()
+        update(&mut self.tracker, &self.finger.frame(press, Drift::default()))
     }
 }
 
@@ -60,7 +48,7 @@ fn scatter(values: &[f64]) -> [f64; 3] {
 #[test]
 fn a_faint_hold_is_reported_at_once_scatters_little_and_ends_at_once() {
     for seed in 0..6 {
-        let mut finger = Finger::rested(seed);
+        let mut finger = Rested::new(seed);
         let held: Vec<Touch> = (0..150).map(|_| finger.update(Some(press(700.0)))).collect();
         assert!(held[1].in_contact && held.iter().skip(1).all(|touch| touch.in_contact), "{seed}");
         // It is a faint one.
@@ -81,11 +69,11 @@ fn a_firm_press_and_one_that_moves_are_read_picture_by_picture() {
     for seed in 0..4 {
         // What a hold at each depth or place reads; a tracker that knows nothing of earlier ones.
         let alone = |press| {
-            let mut finger = Finger::rested(seed);
+            let mut finger = Rested::new(seed);
             (0..6).map(|_| finger.update(Some(press))).next_back().unwrap()
         };
         // From nothing to firm within a tenth of a second.
-        let mut finger = Finger::rested(seed);
+        let mut finger = Rested::new(seed);
         for k in 1..=6 {
             finger.update(Some(press(6.0 * FIRM / k as f32)));
         }
@@ -111,13 +99,13 @@ proptest! {
     fn a_faint_hold_that_is_cut_anywhere_reads_the_same(
         seed in 0u64..1000, cut in 0usize..30, ball_radius in 150f32..900.0, gaps in prop::collection::vec(0f64..0.3, 30)
     ) {
-        let mut finger = Finger::rested(seed);
+        let mut finger = Rested::new(seed);
         let mut other = None;
         for (k, gap_s) in gaps.into_iter().enumerate() {
             if k == cut {
                 other = Some(finger.tracker.clone());
             }
-            let frame = finger.frame(Some(press(ball_radius)));
+            let frame = finger.finger.frame(Some(press(ball_radius)), Drift::default());
             let touch = finger.tracker.update(frame.view(), Some(gap_s), false).unwrap();
             prop_assert_eq!(touch.in_contact, touch.eda > 0);
             if let Some(other) = &mut other {

@@ -1,135 +1,71 @@
-//! Allegro Hand frames, byte for byte: computed ones, and frames captured from a hand.
+//! Allegro Hand frames, byte for byte.
 #![allow(clippy::unwrap_used, clippy::panic)] // a test's helpers may fail like the test
 
 use tega_wire::allegro::{
-    Command, DeviceId, Finger, Info, Message, Received, Rejection, Report, Request, Scale, angle_counts,
-    angle_rad, decode, requested, temperature_c, torque_counts, torque_frames,
+    Command, DeviceId, Finger, Info, Message, Received, Rejection, Report, Request, Scale, angle_rad, decode,
+    requested, temperature_c, torque_frames,
 };
+
+use crate::hex;
 
 const OURS: DeviceId = DeviceId::FACTORY;
 
 const TAU: [f64; 16] =
     [0.10, -0.20, 0.05, -0.05, 0.0, 0.25, -0.10, 0.02, 0.01, 0.15, 0.125, -0.2, 0.3, -0.3, 0.2, -0.2];
 
-/// The vendor's home pose, a finger a row.
-const HOME_DEG: [[f64; 4]; 4] =
-    [[0.0, -10.0, 45.0, 45.0], [0.0, -10.0, 45.0, 45.0], [5.0, -5.0, 50.0, 45.0], [60.0, 25.0, 15.0, 45.0]];
-
-fn hex(text: &str) -> Vec<u8> {
-    text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
-}
-
 fn data(id: u32, data: &[u8]) -> Received<'_> {
     Received { id, data, remote: false, extended: false, error: false }
 }
 
-fn assert_frames(torques: &[f64; 16], scale: Scale, wanted: [&str; 4]) {
-    let frames = torque_frames(torques, OURS, scale).unwrap();
-    for ((frame, bytes), id) in frames.iter().zip(wanted).zip([0x180, 0x184, 0x188, 0x18C]) {
-        assert_eq!((frame.id(), frame.data()), (id, &hex(bytes)[..]));
-        assert!(!frame.is_remote());
-    }
-}
-
-fn counts_of(id: u32, bytes: &str) -> (Finger, [i16; 4]) {
-    match decode(&data(id, &hex(bytes)), OURS) {
-        Ok(
-            Message::Report(Report::Position { finger, counts })
-            | Message::Command(Command::SetTorque { finger, counts }),
-        ) => (finger, counts),
-        other => panic!("{other:?}"),
-    }
-}
-
 #[test]
-fn torque_within_limits() {
-    let wanted = [
+fn torque_within_limits_and_clamped_at_each_joint_s_limit() {
+    let (high, low) = ("77 01 A3 02 C2 01 1D 01", "89 FE 5D FD 3E FE E3 FE");
+    let tau = [
         "78 00 10 FF 3C 00 C4 FF",
         "00 00 2C 01 88 FF 18 00",
         "0C 00 B4 00 96 00 10 FF",
         "68 01 98 FE F0 00 10 FF",
     ];
-    assert_frames(&TAU, Scale::V4, wanted);
-}
-
-#[test]
-fn torque_clamped_at_each_joints_limit() {
-    let finger = "77 01 A3 02 C2 01 1D 01";
-    assert_frames(&[0.65; 16], Scale::V4, [finger, finger, finger, "0D 02 95 01 0E 01 0E 01"]);
-    let finger = "89 FE 5D FD 3E FE E3 FE";
-    assert_frames(&[-0.65; 16], Scale::V4, [finger, finger, finger, "F3 FD 6B FE F2 FE F2 FE"]);
-}
-
-#[test]
-fn captured_torque_frames_are_read_and_written_again() {
-    for (id, bytes, finger, counts) in [
-        (0x180, "02 00 CB 00 42 00 25 00", Finger::Index, [2, 203, 66, 37]),
-        (0x184, "01 00 B9 00 4A 00 33 00", Finger::Middle, [1, 185, 74, 51]),
-        (0x188, "F1 FF C9 00 38 00 1F 00", Finger::Ring, [-15, 201, 56, 31]),
-        // Thumb joint 0 is beyond the limit for torques; counts are not clamped.
-        (0x18C, "58 02 05 00 8D FF FA FF", Finger::Thumb, [600, 5, -115, -6]),
+    for (torques, wanted) in [
+        (TAU, tau),
+        ([0.65; 16], [high, high, high, "0D 02 95 01 0E 01 0E 01"]),
+        ([-0.65; 16], [low, low, low, "F3 FD 6B FE F2 FE F2 FE"]),
     ] {
-        assert_eq!(counts_of(id, bytes), (finger, counts));
-        assert_eq!(finger.name(), format!("{finger:?}").to_lowercase());
-        let frame = Command::SetTorque { finger, counts }.frame(OURS);
-        assert_eq!((u32::from(frame.id()), frame.data()), (id, &hex(bytes)[..]));
-    }
-}
-
-#[test]
-fn captured_position_frames() {
-    for (id, bytes, counts, angles) in [
-        (
-            0x080,
-            "CA FD BD FE 90 FF CE FF",
-            [-566, -323, -112, -50],
-            [-0.050_240, -0.028_671, -0.009_941, -0.004_438],
-        ),
-        (
-            0x084,
-            "F9 FF CF FE 9A FF BE FF",
-            [-7, -305, -102, -66],
-            [-0.000_621, -0.027_073, -0.009_054, -0.005_858],
-        ),
-        (
-            0x088,
-            "18 00 D3 FE A7 FF D6 FF",
-            [24, -301, -89, -42],
-            [0.002_130, -0.026_718, -0.007_900, -0.003_728],
-        ),
-        (
-            0x08C,
-            "34 0A EF FF AF 00 FC FF",
-            [2612, -17, 175, -4],
-            [0.231_849, -0.001_509, 0.015_534, -0.000_355],
-        ),
-        (
-            0x080,
-            "FF 7F 00 80 FF FF 01 00",
-            [32767, -32768, -1, 1],
-            [2.908_502, -2.908_591, -0.000_089, 0.000_089],
-        ),
-    ] {
-        let (_, found) = counts_of(id, bytes);
-        assert_eq!(found, counts);
-        for (counts, wanted) in counts.into_iter().zip(angles) {
-            assert!((angle_rad(counts, Scale::V4) - wanted).abs() < 1e-6, "{counts}: {wanted}");
+        let frames = torque_frames(&torques, OURS, Scale::V4).unwrap();
+        for ((frame, bytes), id) in frames.iter().zip(wanted).zip([0x180, 0x184, 0x188, 0x18C]) {
+            assert_eq!((frame.id(), frame.data(), frame.is_remote()), (id, &hex(bytes)[..], false));
         }
     }
+    // The reference truncates 71.5 to 71; ours rounds it to 72.
+    let version_five = torque_frames(&TAU, OURS, Scale::V5).unwrap();
+    assert_eq!(version_five[0].data(), hex("8F 00 10 FF 48 00 B8 FF"));
 }
 
 #[test]
-fn home_pose_as_position_frames() {
-    let wanted = [
-        "00 00 52 F8 90 22 90 22",
-        "00 00 52 F8 90 22 90 22",
-        "D7 03 29 FC 67 26 90 22",
-        "16 2E 34 13 85 0B 90 22",
-    ];
-    for ((finger, degrees), bytes) in Finger::ALL.into_iter().zip(HOME_DEG).zip(wanted) {
-        let counts = degrees.map(|d: f64| angle_counts(d.to_radians(), Scale::V4).unwrap());
-        let frame = Report::Position { finger, counts }.frame(OURS).unwrap();
-        assert_eq!((frame.id(), frame.data()), (0x080 + 4 * u16::from(finger.number()), &hex(bytes)[..]));
+fn captured_torque_and_position_frames_are_read_and_written_again() {
+    for (id, bytes, finger, counts) in [
+        (0x180, "02 00 CB 00 42 00 25 00", Finger::Index, [2, 203, 66, 37]),
+        // Thumb joint 0 is beyond the limit for torques; counts are not clamped.
+        (0x18C, "58 02 05 00 8D FF FA FF", Finger::Thumb, [600, 5, -115, -6]),
+        (0x084, "F9 FF CF FE 9A FF BE FF", Finger::Middle, [-7, -305, -102, -66]),
+        (0x088, "FF 7F 00 80 FF FF 01 00", Finger::Ring, [32767, -32768, -1, 1]),
+    ] {
+        let (command, report) = (Command::SetTorque { finger, counts }, Report::Position { finger, counts });
+        let (message, frame) = match id {
+            0x180.. => (Message::Command(command.clone()), command.frame(OURS)),
+            _ => (Message::Report(report.clone()), report.frame(OURS).unwrap()),
+        };
+        assert_eq!(decode(&data(id, &hex(bytes)), OURS), Ok(message));
+        assert_eq!(finger.name(), format!("{finger:?}").to_lowercase());
+        assert_eq!((u32::from(frame.id()), frame.data()), (id, &hex(bytes)[..]));
+    }
+    for (counts, scale, wanted) in [
+        (2612, Scale::V4, 0.231_849),
+        (32767, Scale::V4, 2.908_502),
+        (-32768, Scale::V4, -2.908_591),
+        (-566, Scale::V5, -0.869_314),
+    ] {
+        assert!((angle_rad(counts, scale) - wanted).abs() < 1e-6, "{counts}: {wanted}");
     }
 }
 
@@ -140,105 +76,37 @@ fn information_serial_and_temperature() {
     assert_eq!(decode(&data(0x200, &bytes), OURS), Ok(Message::Report(Report::Info(info))));
     assert_eq!(Report::Info(info).frame(OURS).unwrap().data(), bytes);
     assert_eq!((info.major(), info.servo_on(), info.must_stop(), info.must_warn()), (4, true, false, true));
-
     let serial = Report::Serial(*b"A080R\0\0\0");
     assert_eq!(decode(&data(0x220, b"A080R\0\0\0"), OURS), Ok(Message::Report(serial)));
-
-    for (id, bytes, wanted) in [
-        (0x0E0, "2B 2A 29 25", [Some(43), Some(42), Some(41), Some(37)]),
-        (0x0E4, "29 2B 29 27", [Some(41), Some(43), Some(41), Some(39)]),
-        (0x0E8, "27 27 27 24", [Some(39), Some(39), Some(39), Some(36)]),
-        (0x0EC, "30 26 24 F6", [Some(48), Some(38), Some(36), None]),
-    ] {
-        let Ok(Message::Report(Report::Temperature { bytes, .. })) = decode(&data(id, &hex(bytes)), OURS)
-        else {
-            panic!("{id:#x}")
-        };
-        assert_eq!(bytes.map(temperature_c), wanted);
-    }
+    let temperature = Report::Temperature { finger: Finger::Thumb, bytes: [0x30, 0x26, 0x24, 0xF6] };
+    assert_eq!(decode(&data(0x0EC, &hex("30 26 24 F6")), OURS), Ok(Message::Report(temperature)));
+    assert_eq!([0x30, 0x26, 0xF6].map(temperature_c), [Some(48), Some(38), None]);
 }
 
 #[test]
 fn commands_and_requests() {
-    for (device, on, off, info, period) in
-        [(0, 0x100, 0x104, 0x200, 0x204), (1, 0x101, 0x105, 0x201, 0x205), (3, 0x103, 0x107, 0x203, 0x207)]
-    {
-        let device = DeviceId::new(device).unwrap();
-        let zero = Command::SetPeriod { position_ms: 0, imu_ms: 0, temperature_ms: 0, status_ms: Some(0) };
-        assert_eq!(
-            (Command::ServoOn.frame(device).id(), Command::ServoOn.frame(device).data()),
-            (on, &[][..])
-        );
-        assert_eq!(
-            (Command::ServoOff.frame(device).id(), Command::ServoOff.frame(device).data()),
-            (off, &[][..])
-        );
-        assert_eq!((zero.frame(device).id(), zero.frame(device).data()), (period, &[0; 8][..]));
-        let request = Request::Info.frame(device);
-        assert_eq!((request.id(), request.data(), request.is_remote()), (info, &[][..], true));
-    }
+    let third = DeviceId::new(3).unwrap();
+    assert_eq!((Command::ServoOn.frame(third).id(), Command::ServoOff.frame(third).id()), (0x103, 0x107));
     assert!(DeviceId::new(4).is_err());
-    let ids = |make: fn(Finger) -> Request| Finger::ALL.map(|finger| make(finger).frame(OURS).id());
-    assert_eq!(ids(Request::Position), [0x080, 0x084, 0x088, 0x08C]);
-    assert_eq!(ids(Request::Temperature), [0x0E0, 0x0E4, 0x0E8, 0x0EC]);
-    assert_eq!((Request::Serial.frame(OURS).id(), Request::Imu.frame(OURS).id()), (0x220, 0x0C0));
-    for (temperature_ms, status_ms, bytes) in [
-        (0, None, "03 00 00 00 00 00"),
-        (500, None, "03 00 00 00 F4 01"),
-        (0, Some(0), "03 00 00 00 00 00 00 00"),
-        (500, Some(100), "03 00 00 00 F4 01 64 00"),
-    ] {
+    for (temperature_ms, status_ms, bytes) in
+        [(500, None, "03 00 00 00 F4 01"), (500, Some(100), "03 00 00 00 F4 01 64 00")]
+    {
         let command = Command::SetPeriod { position_ms: 3, imu_ms: 0, temperature_ms, status_ms };
         assert_eq!(command.frame(OURS).data(), hex(bytes));
         assert_eq!(decode(&data(0x204, &hex(bytes)), OURS), Ok(Message::Command(command)));
     }
-    for request in [Request::Info, Request::Serial, Request::Imu, Request::Position(Finger::Ring)] {
-        assert_eq!(requested(u32::from(request.frame(OURS).id()), OURS), Some(request));
+    for (request, id) in [
+        (Request::Info, 0x200),
+        (Request::Serial, 0x220),
+        (Request::Imu, 0x0C0),
+        (Request::Position(Finger::Ring), 0x088),
+        (Request::Temperature(Finger::Thumb), 0x0EC),
+    ] {
+        let frame = request.frame(OURS);
+        assert_eq!((frame.id(), frame.data(), frame.is_remote()), (id, &[][..], true));
+        assert_eq!(requested(u32::from(id), OURS), Some(request));
     }
-    assert_eq!(requested(0x100, OURS), None);
-    assert_eq!(requested(0x201, OURS), None);
-}
-
-#[test]
-fn one_control_step_from_captured_positions() {
-    let kp = [[0.5, 0.5, 0.5, 0.833]; 3].into_iter().chain([[0.833, 0.833, 0.833, 0.5]]).flatten();
-    let measured = [-566, -323, -112, -50, -7, -305, -102, -66, 24, -301, -89, -42, 2612, -17, 175, -4];
-    let truncated = [30, -87, 450, 285, 0, -88, 450, 285, 51, -36, 450, 285, 525, 405, 246, 270];
-    for (joint, (((kp, home), measured), wanted)) in
-        kp.zip(HOME_DEG.as_flattened()).zip(measured).zip(truncated).enumerate()
-    {
-        let counts =
-            torque_counts(kp * (home.to_radians() - angle_rad(measured, Scale::V4)), joint, Scale::V4)
-                .unwrap();
-        assert!((counts - wanted).abs() <= 1, "joint {joint}: {counts}, {wanted}");
-    }
-}
-
-#[test]
-fn velocity_from_two_frames() {
-    let (_, before) = counts_of(0x080, "CA FD BD FE 90 FF CE FF");
-    let (_, after) = counts_of(0x080, "D6 FD DF FE 89 FF CE FF");
-    for ((a, b), wanted) in after.into_iter().zip(before).zip([0.355_05, 1.005_98, -0.207_11, 0.0]) {
-        let rate = (angle_rad(a, Scale::V4) - angle_rad(b, Scale::V4)) / 0.003;
-        assert!((rate - wanted).abs() < 1e-5, "{rate}");
-    }
-}
-
-#[test]
-fn version_five() {
-    // The reference truncates 71.5 to 71; ours rounds it to 72.
-    let frames = torque_frames(&TAU, OURS, Scale::V5).unwrap();
-    let (_, counts) = counts_of(0x180, "8F 00 10 FF 47 00 B9 FF");
-    let (ours, _) = frames[0].data().as_chunks::<2>();
-    for (ours, reference) in ours.iter().zip(counts) {
-        assert!((i16::from_le_bytes(*ours) - reference).abs() <= 1);
-    }
-    assert_eq!(frames[0].data(), hex("8F 00 10 FF 48 00 B8 FF"));
-    for (counts, wanted) in
-        [-566, -323, -112, -50].into_iter().zip([-0.869_314, -0.496_092, -0.172_020, -0.076_794])
-    {
-        assert!((angle_rad(counts, Scale::V5) - wanted).abs() < 1e-6);
-    }
+    assert_eq!((requested(0x100, OURS), requested(0x201, OURS)), (None, None));
 }
 
 #[test]

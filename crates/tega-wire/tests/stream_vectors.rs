@@ -3,9 +3,7 @@
 
 use tega_wire::{chords, cyton, spiker};
 
-fn hex(text: &str) -> Vec<u8> {
-    text.split_whitespace().map(|byte| u8::from_str_radix(byte, 16).unwrap()).collect()
-}
+use crate::hex;
 
 const CYTON: [&str; 8] = [
     "A0 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 00 C0",
@@ -54,19 +52,6 @@ fn cyton_packets() {
     );
     assert_eq!(packets[5].aux(), Stamped { word: 0, time_ms: 123_456 });
     assert_eq!(packets[7].aux(), Raw([512, 1023, 0]));
-    let wanted = [
-        100.001_705,
-        -200.003_409,
-        499.986_172,
-        -999.994_695,
-        9.991_23,
-        -9.991_23,
-        2_499.997_914,
-        -2_499.997_914,
-    ];
-    for (found, wanted) in decoder.microvolts(&packets[3]).into_iter().zip(wanted) {
-        assert!((found - wanted).abs() < 1e-6);
-    }
     assert_eq!(cyton::microvolts(8_388_607, 24).to_bits(), 187_500_f64.to_bits());
     assert_eq!(cyton::microvolts(1, 24).to_bits(), 0.022_351_744_455_307_063_f64.to_bits());
     assert!(cyton::Decoder::new(5).is_err());
@@ -83,28 +68,6 @@ fn cyton_stream_holds_twelve_packets_however_it_is_cut() {
         assert_eq!(counters, [0, 1, 2, 127, 160, 255, 0, 3, 127, 127, 127, 1], "chunks of {size}");
         assert_eq!((decoder.stats().skipped_bytes, decoder.stats().pending_bytes), (56, 0));
     }
-}
-
-#[test]
-fn a_stream_that_could_be_misread_gives_no_wrong_packet() {
-    let five = hex(CYTON[4]);
-    // The counter stands still: the true packets and the false ones cannot be told apart.
-    let mut decoder = cyton::Decoder::new(24).unwrap();
-    let still = [&five[2..], &five, &five, &five].concat();
-    assert_eq!(decoder.feed(&still), []);
-    // Four packets with counters in order, of any content, and it has found its way.
-    let mut decoder = cyton::Decoder::new(24).unwrap();
-    decoder.feed(&five[2..]);
-    let mut counters = vec![];
-    for counter in 160..=170 {
-        let mut packet = five.clone();
-        packet[1] = counter;
-        let packets = decoder.feed(&packet);
-        assert!(packets.iter().all(|p| p.counts == COUNTS[4]), "{packets:?}");
-        counters.extend(packets.iter().map(|p| p.counter));
-    }
-    assert_eq!(counters, (160..=170).collect::<Vec<u8>>());
-    assert_eq!(decoder.stats().skipped_bytes, 31);
 }
 
 #[test]

@@ -21,7 +21,6 @@ import contextlib
 import random
 import threading
 import time
-from types import TracebackType
 from typing import Self
 
 from tega_emulators.process import first_of_all
@@ -63,9 +62,7 @@ class ImpairedLink:
         asyncio.run_coroutine_threadsafe(self._listen(), self._loop).result(_PATIENCE_S)
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End all connections."""
         asyncio.run_coroutine_threadsafe(self._end(), self._loop).result(_PATIENCE_S)
         self._loop.call_soon_threadsafe(self._loop.stop)

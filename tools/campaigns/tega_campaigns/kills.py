@@ -23,9 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
-import numpy as np
 
-from tega.config.calibration import Calibration, EmgMaxima, TouchMaxima, save_calibration
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
@@ -33,6 +31,7 @@ from tega.runtime.files.toml_text import tree_text
 from tega_campaigns.program import noted_tick_ns
 from tega_campaigns.runner import CampaignCase, put_table, report_cases, table, until
 from tega_campaigns.supervisor import Supervisor
+from tega_emulators.lab import emulated_lab
 
 __all__ = ["Kill", "kill_one", "kill_table", "main", "settings"]
 
@@ -79,59 +78,26 @@ def settings(folder: Path, *, synthetic: bool, lossless: bool) -> Iterator[Path]
 
     ``synthetic`` takes made-up sources instead of emulators; ``lossless`` records the pictures as they are.
     """
-    tree: dict[str, Any] = {
-        "tactile": {},
-        "session": {"pace": "real"},
-        "recording": {"dir": str(folder / "session"), "lossless": lossless, "stop_free_mib": 16.0},
-    }
+    fingers = ("thumb", "index")
     with ExitStack() as stack:
         if synthetic:
-            for k, finger in enumerate(("thumb", "index")):
-                options: dict[str, Any] = {"duration_s": 8.0, "seed": k}
-                tree["tactile"][finger] = {"driver": "synthetic-touch", "options": options}
-            tree["emg"] = {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 8.0}}
+            tree: dict[str, Any] = {
+                "session": {"pace": "real"},
+                "tactile": {
+                    finger: {"driver": "synthetic-touch", "options": {"duration_s": 8.0, "seed": k}}
+                    for k, finger in enumerate(fingers)
+                },
+                "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 8.0}},
+            }
         else:
-            tree |= _emulated(folder, stack)
+            lab = emulated_lab(folder, emg_hz=250.0, hand=True, vest=True, fingers=fingers)
+            tree = stack.enter_context(lab).tree
+            # A loaded machine is late now and then; that is not what is tried here.
+            tree["hand"]["options"] |= {"silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0}
+        tree["recording"] = {"dir": str(folder / "session"), "lossless": lossless, "stop_free_mib": 16.0}
         path = folder / "settings.toml"
         path.write_text(tree_text(tree), encoding="utf-8")
         yield path
-
-
-def _emulated(folder: Path, stack: ExitStack) -> dict[str, Any]:
-    from tega_emulators.process import Emulator
-    from tega_emulators.vest_bench import vest_bench
-
-    tree: dict[str, Any] = {"tactile": {}}
-    for k, finger in enumerate(("thumb", "index")):
-        sensor = stack.enter_context(Emulator("digit", "--seed", str(k)))
-        # The emulated light as it is sent, without noise, turned as the driver turns it.
-        rows, columns = np.mgrid[:240, :320]
-        light = np.stack([90 + 0.2 * rows, 110 - 0.1 * columns, 80 + 0.15 * columns], axis=2)
-        np.save(folder / f"{finger}.npy", np.rot90(light).astype(np.uint8))
-        options = {"source": sensor.address["source"], "warm_up_s": 0.1}
-        tree["tactile"][finger] = {
-            "driver": "digit",
-            "baseline": str(folder / f"{finger}.npy"),
-            "options": options,
-        }
-    board = stack.enter_context(Emulator("cyton", "--signal", "emg"))
-    tree["emg"] = {"driver": "cyton", "kind": "raw", "options": {"port": board.port, "measure_s": 0.25}}
-    hand = stack.enter_context(Emulator("allegro_port"))
-    # A loaded machine is late now and then; that is not what is tried here.
-    patient = {"silent_after_ms": 10_000.0, "lowest_rate_hz": 0.0}
-    tree["hand"] = {"driver": "allegro", "options": {**hand.address, **patient}}
-    player = stack.enter_context(vest_bench("bhaptics-player")).peer
-    tree["vest"] = {"driver": "bhaptics-player", "options": {"port": player.address["port"]}}
-    full = TouchMaxima(cci_max=1.0, eda_max=500.0)
-    emg = EmgMaxima(
-        kind="raw", rate_hz=250.0, tau=25, channels=("ch1", "ch2", "ch3"), maxima=(300.0, 300.0, 300.0)
-    )
-    calibration = Calibration(
-        preset="live", origin="made up", tactile={"thumb": full, "index": full}, emg=emg
-    )
-    save_calibration(calibration, folder / "calibration.toml")
-    tree["calibration"] = {"file": str(folder / "calibration.toml")}
-    return tree
 
 
 def kill_one(path: Path, after_s: float) -> Kill:

@@ -11,7 +11,6 @@ import sys
 import threading
 import time
 from collections.abc import Sequence
-from types import TracebackType
 from typing import Self
 
 from tega.runtime.child_process import end_child, python_command, python_environment
@@ -48,9 +47,7 @@ class Standstills:
         self._thread.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Look no more."""
         if self._process is not None:
             end_child(self._process, _LEAVE_S)

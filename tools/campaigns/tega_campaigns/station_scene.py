@@ -6,7 +6,6 @@ import contextlib
 import time
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import DeviceUnavailableError, TegaError
@@ -71,9 +70,7 @@ class StationScene:
             self._stack = stack.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End everything."""
         self._stack.close()
 

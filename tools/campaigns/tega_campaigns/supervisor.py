@@ -11,7 +11,6 @@ import time
 from collections.abc import Iterator, Mapping
 from itertools import takewhile
 from pathlib import Path
-from types import TracebackType
 from typing import Any, NamedTuple, Self
 
 from tega.runtime.child_process import end_child, python_command, python_environment
@@ -62,9 +61,7 @@ class Supervisor:
         """Start nothing yet."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End what still runs."""
         try:
             self.end()

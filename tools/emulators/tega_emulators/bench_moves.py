@@ -11,7 +11,6 @@ import socketserver
 import threading
 from collections.abc import Mapping
 from contextlib import ExitStack
-from types import TracebackType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -71,9 +70,7 @@ class Moves:
             self._up = starting.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Stop moving."""
         self._stop_script()
         self._up.close()

@@ -11,7 +11,6 @@ from __future__ import annotations
 import os
 from contextlib import ExitStack
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from tega.config import FINGERS, load_config
@@ -152,8 +151,6 @@ class EmulatedBench:
             raise DeviceUnavailableError(f"the emulated camera of the {finger} sends no picture", "try again")
         np.save(file, frame.image)
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End them."""
         self._up.close()

@@ -13,7 +13,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import DeviceUnavailableError, InvalidValueError
@@ -83,9 +82,7 @@ class Emulator:
         self.address = self._receive()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End it."""
         process, self._process = self._process, None
         if process is None:
@@ -126,13 +123,13 @@ class Emulator:
         """End it without a word, as a cable that is pulled."""
         if self._process is not None:
             self._process.kill()
-        self.__exit__(None, None, None)
+        self.__exit__()
 
     def _receive(self) -> dict[str, Any]:
         process = self._process
         line = "" if process is None or process.stdout is None else process.stdout.readline()
         if not line:
-            self.__exit__(None, None, None)
+            self.__exit__()
             raise DeviceUnavailableError(f"{self._module} has ended", "its error output says why")
         message: dict[str, Any] = json.loads(line)
         return message

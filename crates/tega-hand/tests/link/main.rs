@@ -56,11 +56,22 @@ impl Bench {
         } {}
     }
 
-    fn run(&mut self, ms: i64) -> &mut Self {
-        for _ in 0..ms {
-            self.tick();
-        }
-        self
+    fn run(&mut self, ms: i64) {
+        (0..ms).for_each(|_| self.tick());
+    }
+
+    /// The default hand, which is steered.
+    fn running() -> Self {
+        let mut bench = Self::new(Hand::default());
+        bench.run(600);
+        bench
+    }
+
+    /// Lets time pass; the hand is then let go for this reason.
+    fn lets_go(&mut self, ms: i64, fault: &str) {
+        self.run(ms);
+        assert_eq!(self.fault(), fault);
+        assert!(self.limp());
     }
 
     fn fault(&self) -> &'static str {
@@ -137,8 +148,7 @@ fn silence_switches_off_after_30_ms_and_is_survived() {
 
 #[test]
 fn thirty_milliseconds_without_positions_are_borne_and_not_one_more() {
-    let mut bench = Bench::new(Hand::default());
-    bench.run(600);
+    let mut bench = Bench::running();
     assert_eq!(bench.t_ms % bench.hand.every_ms, 0); // a set has just come
     bench.hand.mute = true;
     bench.run(30);
@@ -149,8 +159,7 @@ fn thirty_milliseconds_without_positions_are_borne_and_not_one_more() {
 
 #[test]
 fn after_a_fault_the_motors_are_switched_off_quickly_at_first_and_then_now_and_then() {
-    let mut bench = Bench::new(Hand::default());
-    bench.run(600);
+    let mut bench = Bench::running();
     bench.hand.joint_c = 85;
     bench.sent.clear();
     bench.run(3000);
@@ -165,9 +174,7 @@ fn a_hand_that_stays_away_is_given_up_after_five_attempts() {
     let mut bench = Bench::new(Hand::default());
     bench.run(500);
     bench.hand.mute = true;
-    bench.run(6500);
-    assert_eq!(bench.fault(), "silent");
-    assert!(bench.limp());
+    bench.lets_go(6500, "silent");
 }
 
 #[test]
@@ -217,15 +224,12 @@ fn a_frozen_hand_is_let_go() {
     bench.run(1000);
     assert_eq!(bench.link.phase(), Phase::Running); // at rest it may well stand still
     bench.level = 5.0;
-    bench.run(1500);
-    assert_eq!(bench.fault(), "frozen");
-    assert!(bench.limp());
+    bench.lets_go(1500, "frozen");
 }
 
 #[test]
 fn heat_lowers_the_torque_and_then_ends_it() {
-    let mut bench = Bench::new(Hand::default());
-    bench.run(600);
+    let mut bench = Bench::running();
     assert!((bench.link.heat_share(600 * MS) - 1.0).abs() < 1e-12);
     bench.hand.joint_c = 75;
     bench.run(600);
@@ -234,9 +238,7 @@ fn heat_lowers_the_torque_and_then_ends_it() {
     bench.run(600);
     assert_eq!(bench.link.phase(), Phase::Running);
     bench.hand.joint_c = 80;
-    bench.run(600);
-    assert_eq!(bench.fault(), "too-hot");
-    assert!(bench.limp());
+    bench.lets_go(600, "too-hot");
 }
 
 #[test]
@@ -255,9 +257,7 @@ fn a_fault_of_the_hand_stops_and_a_warning_only_lowers() {
     assert_eq!(bench.link.phase(), Phase::Running);
     assert!((bench.link.heat_share(1500 * MS) - 0.5).abs() < 1e-12);
     bench.hand.status = 0b1_0000;
-    bench.run(1100);
-    assert_eq!(bench.fault(), "reported");
-    assert!(bench.limp());
+    bench.lets_go(1100, "reported");
 }
 
 #[test]

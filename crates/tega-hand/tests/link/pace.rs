@@ -32,12 +32,9 @@ fn a_hand_held_up_while_it_is_looked_at_is_looked_at_once_more_with_the_motors_o
 
 #[test]
 fn a_hand_that_becomes_slow_is_let_go() {
-    let mut bench = Bench::new(Hand::default());
-    bench.run(600);
+    let mut bench = Bench::running();
     bench.hand.every_ms = 6;
-    bench.run(2200);
-    assert_eq!(bench.fault(), "too-slow");
-    assert!(bench.limp());
+    bench.lets_go(2200, "too-slow");
 }
 
 #[test]
@@ -59,8 +56,7 @@ fn a_standstill_of_this_side_is_no_slowness_of_the_hand() {
 
 #[test]
 fn angles_that_jump_are_not_followed() {
-    let mut bench = Bench::new(Hand::default());
-    bench.run(600);
+    let mut bench = Bench::running();
     for k in 0..12 {
         bench.hand.angles[9] = if k % 2 == 0 { 1.2 } else { 0.1 };
         bench.run(3);
@@ -68,7 +64,5 @@ fn angles_that_jump_are_not_followed() {
     assert_eq!(bench.link.phase(), Phase::Running, "a jump there and back is one set that is not used");
     bench.hand.moves = false;
     bench.hand.angles[9] = 1.5;
-    bench.run(40);
-    assert_eq!(bench.fault(), "jumping");
-    assert!(bench.limp());
+    bench.lets_go(40, "jumping");
 }

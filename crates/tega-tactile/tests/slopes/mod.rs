@@ -3,7 +3,10 @@
 //! The gel answers to its slope: each light brightens the flank that faces it. Inside a ball's contact the slope grows
 //! in proportion to the distance from the middle, outside it dies away over 20 pixels (of 240 x 320).
 
+#![allow(clippy::unwrap_used)]
+
 use ndarray::Array3;
+use tega_tactile::{SensorNoise, Touch, TouchTracker, TrackerOptions};
 
 /// Temporal noise of one pixel in counts: blue, green, red.
 pub const NOISE_SD: [f32; 3] = [3.17, 1.65, 2.74];
@@ -169,4 +172,41 @@ impl Gel {
             }
         }
     }
+}
+
+/// A gel and its camera, with so many times a DIGIT's noise of its own.
+pub struct Finger {
+    pub gel: Gel,
+    pub random: Random,
+    pub noise: f32,
+}
+
+impl Finger {
+    pub fn new(seed: u64, height: usize, width: usize) -> Self {
+        let mut random = Random(seed);
+        Self { gel: Gel::any(&mut random, height, width), random, noise: 1.0 }
+    }
+
+    pub fn frame(&mut self, press: Option<Press>, drift: Drift) -> Array3<u8> {
+        let counts = self.gel.counts(press, drift);
+        self.gel.frame_of(&mut self.random, counts, self.noise)
+    }
+
+    pub fn still(&mut self) -> Array3<u8> {
+        self.frame(None, Drift::default())
+    }
+
+    /// A tracker that has measured its noise on so many untouched frames.
+    pub fn tracker(&mut self, rate_hz: f64, frames: usize) -> TouchTracker {
+        let still: Vec<_> = (0..frames).map(|_| self.still()).collect();
+        let views: Vec<_> = still.iter().map(|frame| frame.view()).collect();
+        let noise = SensorNoise::measure(&views, TrackerOptions::default().order).unwrap();
+        TouchTracker::new(still[0].view(), TrackerOptions { rate_hz, noise, ..TrackerOptions::default() })
+            .unwrap()
+    }
+}
+
+/// Gives a tracker the next frame.
+pub fn update(tracker: &mut TouchTracker, frame: &Array3<u8>) -> Touch {
+    tracker.update(frame.view(), None, false).unwrap()
 }

@@ -6,7 +6,6 @@ import argparse
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -17,7 +16,6 @@ from tega_campaigns.mutants.tried import (
     beside_python,
     kept,
     progress,
-    try_named,
     try_python,
     try_rust,
 )
@@ -85,20 +83,15 @@ def table(folder: Path) -> str:
 def main() -> None:
     """Run a step of the campaign."""
     parser = argparse.ArgumentParser(prog="python -m tega_campaigns.mutants", description=__doc__)
-    parser.add_argument("step", choices=["cover", "python", "rust", "again", "table"])
+    parser.add_argument("step", choices=["cover", "python", "rust", "table"])
     parser.add_argument("--n", type=int, default=100, help="number of changes to try")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
     parser.add_argument("--out", type=Path, default=Path("target/mutants"), help="folder of what is kept")
-    parser.add_argument(
-        "--tests", nargs="*", default=[], help="again: files of tests to try what survived on"
-    )
     given = parser.parse_args()
     project, folder = Path.cwd(), given.out.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     if given.step == "cover":
         cover(project, folder)
-    elif given.step == "again":
-        _try_again(project, folder, given.seed, given.tests)
     elif given.step == "table":
         sys.stdout.write(table(folder) + "\n")
     else:
@@ -116,19 +109,6 @@ def _try(language: str, project: Path, folder: Path, wanted: int, seed: int) -> 
         trial = try_python(mutant, tree, covered, project) if covered else try_rust(mutant, tree, baselines_s)
         if keep(trial):
             return
-
-
-def _try_again(project: Path, folder: Path, seed: int, tests: Sequence[str]) -> None:
-    """Try what survived of Python on tests that are named."""
-    tree = copied(project, folder / "tree-again")
-    left = {one.name for one in kept(folder, "python") if one.outcome in {"survived", "untested"}}
-    keep = progress(folder, "python", 0)
-    for mutant in python_mutants(tree, seed):
-        if not left:
-            return
-        if mutant.name in left:
-            left.remove(mutant.name)
-            keep(try_named(mutant, tree, tests))
 
 
 if __name__ == "__main__":

@@ -29,8 +29,6 @@ _SLACK: Final = 10.0
 """A test that takes so many times as long as without the change has failed: an endless loop."""
 _LEAST_S: Final = 30.0
 _TESTS: Final = ("--lib", "--tests")
-_NAMED_S: Final = 20.0
-"""Time of a file of tests that is named."""
 
 
 class Trial(msgspec.Struct, frozen=True):
@@ -117,15 +115,6 @@ def try_python(mutant: Mutant, tree: Path, covered: Covered, measured: Path) -> 
             if by or n_tried >= len(tests):
                 break
     outcome = "killed" if by else "survived" if tests else "untested"
-    return Trial(mutant.name, outcome, by, len(tests), round(time.monotonic() - began_s, 1))
-
-
-def try_named(mutant: Mutant, tree: Path, tests: Sequence[str]) -> Trial:
-    """Try a change of Python on tests that are named, those in true time among them."""
-    began_s = time.monotonic()
-    with _changed(tree / mutant.file, mutant.code):
-        by = first_failure(tree, tests, dict.fromkeys(tests, _NAMED_S))
-    outcome = "killed" if by else "survived"
     return Trial(mutant.name, outcome, by, len(tests), round(time.monotonic() - began_s, 1))
 
 

@@ -6,7 +6,6 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from types import TracebackType
 from typing import Any, Self
 
 from tega.errors import TegaError
@@ -28,12 +27,10 @@ class Programs:
         """Start nothing yet."""
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """End what still runs."""
         for part in reversed(self._parts.values()):
-            part.__exit__(kind, error, trace)
+            part.__exit__()
 
     def __getitem__(self, name: str) -> Supervisor:
         """Return the supervisor of one; with one program it goes by any name."""
