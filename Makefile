@@ -105,7 +105,7 @@ site: ## all pages with search, commands, settings and Python, into target/site;
 pictures: ## the drawn pictures of the docs, and the demo's animation; needs lab, observe, record, sim, study, view
 	$(BIN)/python docs/images/draw.py
 	$(BIN)/python docs/images/draw_tutorials.py
-	$(BIN)/python -m tega_figures.diagrams docs/images
+	$(BIN)/python -m tega_figures.program_diagrams docs/images
 	$(BIN)/python -m tega_figures.byte_layouts docs/images
 	$(BIN)/python -m tega_figures.placement_left docs/images
 	$(BIN)/python -m tega_figures.page_plots docs/images

@@ -19,7 +19,6 @@ from click.testing import CliRunner
 
 from tega.haptics import FINGERS
 from tega_figures.bench import command as cli_bench
-from tega_figures.bench import error as errors
 from tega_figures.bench import (
     filters,
     peers,
@@ -58,25 +57,29 @@ def test_a_peer_computes_the_same_thing(name, law):
     kernel = peers.contact_peers(law, size)[name]
     tolerance = 0.5 if "8-bit" in name else 1e-4
     for frame, baseline in scenes.scenes(size):
-        error = errors.measure_error(kernel(frame, baseline), exact_contact(frame, baseline, **law._asdict()))
+        error = variants.measure_error(
+            kernel(frame, baseline), exact_contact(frame, baseline, **law._asdict())
+        )
         assert error is not None
         assert max(error.centroid_px, error.spread_relative, error.cci_relative) < tolerance
 
 
 def test_a_peer_without_an_answer_has_no_error():
     truth = exact_contact(*scenes.scenes((160, 120))[0], **CONTACT_LAWS[0]._asdict())
-    assert errors.measure_error(peers.NONE, truth) is None
+    assert variants.measure_error(peers.NONE, truth) is None
     dark = np.zeros((*SMALL, 3), np.uint8)
     for kernel in peers.contact_peers(CONTACT_LAWS[0], SMALL).values():
-        assert errors.measure_error(kernel(dark, dark), truth) is None
-    assert errors.worst([None]) is None
+        assert variants.measure_error(kernel(dark, dark), truth) is None
+    assert variants.worst([None]) is None
 
 
 def test_the_worst_error_is_of_each_number():
     def error(*values):
-        return errors.ContactError(**dict(zip(errors.ContactError.__struct_fields__, values, strict=True)))
+        return variants.ContactError(
+            **dict(zip(variants.ContactError.__struct_fields__, values, strict=True))
+        )
 
-    assert errors.worst([error(1.0, 0.0, 3.0, 0.5), error(0.0, 2.0, 1.0, 0.7)]) == error(1.0, 2.0, 3.0, 0.7)
+    assert variants.worst([error(1.0, 0.0, 3.0, 0.5), error(0.0, 2.0, 1.0, 0.7)]) == error(1.0, 2.0, 3.0, 0.7)
 
 
 @pytest.mark.parametrize("place", [(0, 0, 0), (7, 7, 2)], ids=str)

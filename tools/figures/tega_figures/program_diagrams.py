@@ -1,10 +1,13 @@
-"""Diagrams of the program's pages: stages, states, stations, a study."""
+"""Diagrams of the program's pages, and ``python -m tega_figures.program_diagrams docs/images``, which writes all."""
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
 from typing import Final
 
-from tega_figures.boxes import Arrow, Box, Diagram
+from tega_figures.boxes import Arrow, Box, Diagram, svg
+from tega_figures.hardware_diagrams import HARDWARE
 
 __all__ = ["PROGRAM"]
 
@@ -193,3 +196,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
         gap_x=100,
     ),
 }
+
+if __name__ == "__main__":
+    for name, diagram in (HARDWARE | PROGRAM).items():
+        Path(sys.argv[1], f"{name}.svg").write_text(svg(diagram), encoding="utf-8")

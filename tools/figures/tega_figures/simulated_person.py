@@ -11,7 +11,8 @@ import click
 import numpy as np
 
 from tega.emg import GraspIntent
-from tega.errors import MissingExtraError, TegaError
+from tega.errors import TegaError
+from tega.runtime.lifecycle import require
 from tega_sim.operator import ForearmEmg, ScriptedOperator, calibrate, load_parameters, typical_person
 
 
@@ -30,13 +31,7 @@ def parameters() -> None:
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 def picture(file: Path) -> None:
     """Draw EMG and the levels that the chain makes of it into FILE."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise click.ClickException(
-            str(MissingExtraError("the picture needs matplotlib", "pip install 'tega[pictures]'"))
-        ) from error
-
+    figures = require("matplotlib.figure", driver="the picture", extra="pictures")
     person = typical_person()
     maxima, tau, full_effort = calibrate(person, seed=1)
     script = ScriptedOperator(full_effort=full_effort)
@@ -44,7 +39,7 @@ def picture(file: Path) -> None:
     acts = [script.at(tick / 100) for tick in range(1400)]
     samples = np.concatenate([forearm.samples(act) for act in acts])
     levels = intent.process(samples)
-    figure = Figure(figsize=(9, 6), layout="constrained")
+    figure = figures.Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots(4, 1, sharex=True)
     t_s = np.arange(len(samples)) / 1000
     for m, (ax, name) in enumerate(zip(axes[:3], ("ECR", "FCU", "FDS"), strict=True)):

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import click
 
-from tega.errors import MissingExtraError
+from tega.runtime.lifecycle import require
 from tega_study.lead.tell import SessionBoard, board_path, write_board
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.state import resume
@@ -29,13 +29,7 @@ KEYS = (("l", 2.0), ("s", 0.7), ("s", 0.6), ("u", 0.5), ("d", 0.6), ("s", 0.4))
 @click.argument("file", type=click.Path(path_type=Path, dir_okay=False))
 def main(file: Path) -> None:
     """Write the picture."""
-    try:
-        import textual  # noqa: F401
-    except ImportError as error:
-        raise click.ClickException(
-            str(MissingExtraError("textual is not installed", "pip install 'tega[observe]'"))
-        ) from error
-
+    require("textual", driver="the console", extra="observe")
     with tempfile.TemporaryDirectory() as made:
         folder = Path(made) / "study"
         write_plan(make_plan(participants=2, seed=5, trials=2), folder)

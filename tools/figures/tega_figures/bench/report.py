@@ -11,7 +11,6 @@ import msgspec
 import numpy as np
 
 from tega_figures.bench.batches import BatchRow, batch_rows
-from tega_figures.bench.error import ContactError, measure_error, worst
 from tega_figures.bench.filters import (
     BLOCK_ROWS,
     CHANNELS,
@@ -29,11 +28,14 @@ from tega_figures.bench.variants import (
     CONTACT_LAWS,
     FLOOR,
     NUMPY_FLOOR,
+    ContactError,
     ContactKernel,
     Law,
     floor_kernels,
     law_kernel,
+    measure_error,
     preset_kernel,
+    worst,
 )
 from tega_figures.bench.widths import WidthRow, width_rows
 from tega_figures.exact import ExactContact, exact_contact, exact_paper

@@ -8,8 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from tega.errors import MissingExtraError
 from tega.hand.mjcf import FULL_DUTY_NM
+from tega.runtime.lifecycle import require
 from tega_figures.world.lift import LIFT_M
 from tega_figures.world.solids import add_solids
 from tega_sim.world.objects import OBJECTS
@@ -24,13 +24,10 @@ _N_PER_M: Final = 80.0
 
 def draw_scene(folder: Path) -> Path:
     """Draw the three objects held, with the forces on them, into a folder, made where it is missing."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("pictures need matplotlib", "pip install 'tega[pictures]'") from error
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "world-scene.png"
-    _scene(Figure(figsize=(13, 4.8))).savefig(path, dpi=110, bbox_inches="tight")
+    figures = require("matplotlib.figure", driver="the picture", extra="pictures")
+    _scene(figures.Figure(figsize=(13, 4.8))).savefig(path, dpi=110, bbox_inches="tight")
     return path
 
 
