@@ -33,7 +33,7 @@ guards: ## tests have to fail without the guard they show; all of them into test
 	PYTHONPATH=tests $(BIN)/python -m hazards.without $(if $(THIRD),--third $(THIRD),--page)
 
 letting-go: ## every signal to each process of a program and to several at once, into docs/evidence/faults.md
-	PYTHONPATH=tests $(BIN)/python -m hazards.letting_go_page
+	PYTHONPATH=tests $(BIN)/python -m hazards.letting_go
 
 deep: ## what computes for long: all tests marked deep, and each property with 2,000 examples
 	HYPOTHESIS_PROFILE=deep $(BIN)/python -m pytest -m deep

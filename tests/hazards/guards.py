@@ -14,7 +14,7 @@ class Guard(NamedTuple):
 
     Attributes:
         what: What is then so.
-        needed_by: The test that fails then, ``folder/file::name``; or ``soak HOW DEVICE``, a soak of that fault alone.
+        needed_by: The test that fails then, ``folder/file::name``.
         old: The text that does it; stands once in ``python``.
         new: What stands there without it; ``None`` for a condition that is never met, or a statement that is skipped.
     """
@@ -26,9 +26,8 @@ class Guard(NamedTuple):
 
     @property
     def shown_by(self) -> str:
-        """The test as pytest names it, or the soak."""
-        file, _, name = self.needed_by.partition("::")
-        return f"tests/{file}.py::test_{name}" if name else file
+        """The test as pytest names it."""
+        return "tests/{}.py::test_{}".format(*self.needed_by.split("::"))
 
     @property
     def without(self) -> str:

@@ -230,7 +230,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a Bluetooth vest's driver does not tell its guard that it lives",
-        "soak stop program",
+        "tools/test_soak::a_soak_of_one_fault_passes[stop-program]",
         "        if self.guard is not None:\n            self.guard.beat()",
         "        pass",
     ),

@@ -240,13 +240,13 @@ OF_RUNS: Final = (
     ),
     Guard(
         "an adapter that was closed is not opened again",
-        "soak stop program",
+        "tools/test_soak::a_soak_of_one_fault_passes[stop-program]",
         "if self._bus is None and not (may_reopen and self._reopened()):",
         "if self._bus is None:",
     ),
     Guard(
         "a finger's last picture stays on the vest",
-        "soak pause index",
+        "tools/test_soak::a_soak_of_one_fault_passes[pause-index]",
         "if t_ns - contact.t_ns <= STALE_NS}",
         "if True}",
     ),

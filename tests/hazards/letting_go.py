@@ -7,19 +7,26 @@ and SERVO OFF.
 
 from __future__ import annotations
 
+import argparse
 import contextlib
 import os
 import signal
+import sys
+import tempfile
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final, Literal, NamedTuple
 
-from hazards.programs import SUBJECTS, Started
+import pytest
 
-__all__ = ["CELLS", "Cell", "Expected", "Seen", "expected", "try_cell"]
+from hazards.programs import SUBJECTS, Started
+from tega_campaigns.runner import put_table, table
+
+__all__ = ["CELLS", "Cell", "main", "problem", "try_cell"]
 
 PATIENCE_S: Final = float(os.environ.get("TEGA_PATIENCE_S", "60"))
 STOP_S: Final = 3.0
@@ -44,6 +51,10 @@ _TARGETS: Final = (
     "hand process + guard",
     "all",
 )
+
+_PAGE: Final = Path(__file__).parents[2] / "docs/evidence/faults.md"
+_NAME: Final = "letting go"
+_NAMES: Final = {"main": "the command", "run": "the command", "all": "all three"}
 
 Outcome = Literal["let go", "goes on", "pushes", "opens", "rests"]
 
@@ -206,3 +217,82 @@ def _watched(outcome: Outcome, started: Started, begun_s: float, goes_on_s: list
         time.sleep(0.002)
     steered = check["torques"] > started.torques + 100
     return Seen("goes on" if steered else "pushes")
+
+
+def problem(cell: Cell, seen: Seen, times: float = 1) -> str:
+    """Return in which respect a cell is not as expected, in so many times its time; ``""`` if it is."""
+    requested = expected(cell)
+    if seen.outcome != requested.outcome:
+        return f"{seen.outcome} instead of {requested.outcome}: {seen.words}"
+    if seen.old_torque:
+        return "torque came after the standstill and before letting go"
+    late = seen.took_s > times * requested.within_s and seen.outcome not in {"goes on", "pushes"}
+    return f"{seen.took_s:.2f} s is more than {requested.within_s:g} s" if late else ""
+
+
+def _text(cell: Cell, seen: Seen) -> str:
+    if seen.outcome == "pushes":
+        return "**switch**" if expected(cell).outcome == "pushes" else "**PUSHES**"
+    if seen.outcome == "goes on":
+        return "goes on"
+    return f"{seen.took_s:.2f} s"
+
+
+def read_page() -> dict[Cell, str]:
+    """Return the text of each cell of the page's table."""
+    text = _PAGE.read_text("utf-8").split(f"<!-- {_NAME}: begin -->")[1].split(f"<!-- {_NAME}: end -->")[0]
+    rows = [line for line in text.splitlines() if line.startswith("| ")]
+    texts = [text.strip() for row in rows[1:] for text in row.strip("|").split("|")[2:]]
+    cells = [Cell(*row, event) for row in _rows() for event in EVENTS]
+    return dict(zip(cells, texts, strict=True)) if len(cells) == len(texts) else {}
+
+
+def _rows() -> list[tuple[str, str]]:
+    return list(dict.fromkeys((cell.subject, cell.targets) for cell in CELLS))
+
+
+def page(seen: Mapping[Cell, Seen]) -> str:
+    """Return the page's table; a cell that was not tried keeps its text."""
+    before, rows = read_page(), list[tuple[str, ...]]()
+    for subject, targets in _rows():
+        cells = [Cell(subject, targets, event) for event in EVENTS]
+        name = _NAMES.get(targets, targets.replace("run", "command"))
+        texts = (_text(cell, seen[cell]) if cell in seen else before.get(cell, "–") for cell in cells)
+        rows.append((f"`{SUBJECTS[subject].command}`", name, *texts))
+    return table(("command", "processes", *EVENTS), rows)
+
+
+def _try(cell: Cell) -> Seen | None:
+    """Try a cell; ``None`` if its program did not come so far."""
+    try:
+        with tempfile.TemporaryDirectory(prefix="tega-letting-go-") as folder:
+            seen = try_cell(cell, Path(folder))
+    except (Exception, pytest.fail.Exception) as error:
+        _say(f"{' | '.join(cell)} | not tried | {error}")
+        return None
+    _say(f"{' | '.join(cell)} | {_text(cell, seen)} | {problem(cell, seen)}")
+    return seen
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)  # noqa: T201  # this is a program
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Try the cells that are asked for; return 0 if each is as expected."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--only", nargs="*", default=[], metavar="WORD", help="cells with all of these words")
+    parser.add_argument("--jobs", type=int, default=2, help="cells at once")
+    requested = parser.parse_args(arguments)
+    chosen = [cell for cell in CELLS if all(word in " | ".join(cell) for word in requested.only)]
+    with ThreadPoolExecutor(requested.jobs) as pool:
+        tried = zip(chosen, pool.map(_try, chosen), strict=True)
+        seen = {cell: outcome for cell, outcome in tried if outcome is not None}
+    put_table(_PAGE, page(seen), name=_NAME)
+    wrong = [cell for cell in chosen if cell not in seen or problem(cell, seen[cell])]
+    _say(f"{len(chosen) - len(wrong)} of {len(chosen)} cells are as expected")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,4 +1,4 @@
-"""Takes one guard after another out of a copy of the program, and shows that a test or a soak then fails.
+"""Takes one guard after another out of a copy of the program, and shows that a test then fails.
 
 ``make guards`` tries all of them and writes ``guards-seen.md`` beside this file; ``make guards THIRD=today`` tries
 the third of this day, as CI does, and ``--only WORD`` those with the word in their name or test. Each time of the
@@ -43,7 +43,7 @@ _PATIENCE_S: Final = 15.0
 _PATIENT: Final = 4.0
 # Where code lies that the tests import.
 _PARTS: Final = ("python", "tests", "tools")
-_PYTEST: Final = ("-m", "pytest", "-q", "-x", "-p", "no:cacheprovider", "--no-header", "--tb=line", "-n0")
+_PYTEST: Final = ("-m", "pytest", "-qx", "-pno:cacheprovider", "--tb=line", "-n0", "--force-reruns=0")
 
 # A test that fails with such words has met a busy machine, not the missing guard.
 _BUSY: Final = (
@@ -120,7 +120,7 @@ class Copy:
         tools = sorted(path for path in (self.folder / "tools").glob("*") if path.is_dir())
         paths = [self.folder / "python", self.folder / "tests", *tools]
         running = subprocess.Popen(
-            [sys.executable, *self._command(shown_by)],
+            [sys.executable, *_PYTEST, shown_by],
             cwd=self.folder,
             env={
                 **os.environ,
@@ -142,7 +142,7 @@ class Copy:
                 os.killpg(running.pid, signal.SIGKILL)
             running.wait()
         lines = [line.strip() for line in message.splitlines() if line.strip()]
-        wrong = [line for line in lines if line.startswith(("E  ", "failed:")) or "Error: " in line]
+        wrong = [line for line in lines if line.startswith("E  ") or "Error: " in line]
         # 1 is a test that failed; anything else is pytest that found none, or was told nonsense.
         outcomes: dict[int, Outcome] = {0: "passes", 1: "fails"}
         outcome, words = outcomes.get(running.returncode, "unproven"), (wrong or lines or [""])[0]
@@ -151,12 +151,6 @@ class Copy:
         if outcome == "fails" and was_busy:
             outcome = "unproven"
         return outcome, words[:160]
-
-    def _command(self, shown_by: str) -> list[str]:
-        if not shown_by.startswith("soak "):
-            return [*_PYTEST, "--force-reruns=0", "-m", "", shown_by]
-        _, how, device = shown_by.split()
-        return [str(self.folder / "tests/hazards/one_fault.py"), how, device]
 
     def try_guard(self, guard: Guard, whole: tuple[Outcome, str], *, patient: bool) -> Tried:
         """Take a guard out, run its test, and put it back."""
@@ -219,7 +213,7 @@ def _commit() -> str:
 _HEAD: Final = """# Guards taken out
 
 `make guards` takes one guard after another out of a copy of the program, or makes its time ten times as long, and runs
-the test or the soak that shows it. The test has to pass with the guard and to fail without it. A test that does not end
+the test that shows it. The test has to pass with the guard and to fail without it. A test that does not end
 is no proof. That command writes this file: each line has the commit that it was seen at. The
 [hazard table](../../docs/evidence/safety.md#what-can-go-wrong) says what each guard is for.
 

@@ -74,17 +74,8 @@ def declared() -> set[str]:
     return found
 
 
-def raised() -> set[str]:
-    """Return the names that tests say to raise."""
-    files = (PROJECT / "tests").rglob("test_*.py")
-    texts = [text for file in files if "mark.raises(" in (text := file.read_text())]
-    return {
-        node.args[0].value  # type: ignore[attr-defined]  # as above
-        for text in texts
-        for node in ast.walk(ast.parse(text))
-        if _is_call(node, "raises") and ast.unparse(node).startswith("pytest.mark.raises(")
-    }
-
-
 def test_every_alert_has_a_test_that_raises_it() -> None:
-    assert declared() == raised()
+    texts = (file.read_text() for file in (PROJECT / "tests").rglob("test_*.py"))
+    assert declared() == {
+        name for text in texts for name in re.findall(r'pytest\.mark\.raises\("(.+?)"\)', text)
+    }

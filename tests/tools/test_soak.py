@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 
 import pytest
 
 from tega.ui.cli.main import main
 from tega_campaigns.soak.plan import KINDS, plan
 from tega_campaigns.soak.report import SoakFault, SoakReport
+from tega_campaigns.soak.trial import soak
 
 pytestmark = pytest.mark.skipif(
     sys.platform != "linux", reason="emulated devices need pseudo-terminals, limits Linux"
@@ -34,6 +36,13 @@ def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
     assert report["commands"]["arm"] > 100
     assert report["lost_s"] <= 0.5
     assert report["rss_mib_end"] > 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("how", "device"), [("stop", "program"), ("pause", "index")])
+def test_a_soak_of_one_fault_passes(tmp_path: Path, how: str, device: str) -> None:
+    kinds = [kind for kind in KINDS if (kind.how, kind.device) == (how, device)]
+    assert not soak(tmp_path, seconds=12.0, seed=1, kinds=kinds, patient=True).failures
 
 
 def test_a_plan_has_every_fault_once_before_any_comes_again() -> None:

@@ -200,7 +200,7 @@ fn two_trackers_fed_the_same_give_the_same_bits() {
 }
 
 #[test]
-fn strides_and_colour_order_do_not_matter() {
+fn colour_order_does_not_matter() {
     let mut finger = Finger::new(19, 120, 160);
     let baseline = finger.still();
     let frames = session(&mut finger, 15.0);
@@ -210,37 +210,6 @@ fn strides_and_colour_order_do_not_matter() {
     let got: Vec<Touch> =
         frames.iter().map(|f| swapped.update(f.slice(s![.., .., ..;-1]), None, false).unwrap()).collect();
     assert_eq!(bits(&wanted), bits(&got));
-    let mut strided = tracker(&baseline, 15.0);
-    let got: Vec<Touch> = frames
-        .iter()
-        .map(|frame| {
-            let mut wide = Array3::<u8>::zeros((3, 240, 160));
-            let mut view = wide.slice_mut(s![.., ..;-2, ..]).permuted_axes([1, 2, 0]);
-            view.assign(frame);
-            strided.update(view.view(), None, false).unwrap()
-        })
-        .collect();
-    assert_eq!(bits(&wanted), bits(&got));
-}
-
-/// A stream that is cut anywhere and goes on with a copy says what the whole stream says.
-#[test]
-fn a_tracker_that_is_copied_midway_goes_on_the_same() {
-    let mut finger = Finger::new(53, 120, 160);
-    let baseline = finger.still();
-    let frames = session(&mut finger, 15.0);
-    let mut whole = tracker(&baseline, 15.0);
-    let mut copies: Vec<TouchTracker> = Vec::new();
-    for (k, frame) in frames.iter().enumerate() {
-        if k % 7 == 0 {
-            copies.push(whole.clone());
-        }
-        let wanted = bits(&[update(&mut whole, frame)]);
-        for copy in &mut copies {
-            assert_eq!(bits(&[update(copy, frame)]), wanted, "frame {k}");
-        }
-    }
-    assert!(copies.len() > 5);
 }
 
 #[test]
