@@ -16,7 +16,8 @@ class Guard(NamedTuple):
         what: What is then so.
         needed_by: The test that fails then, ``folder/file::name``.
         old: The text that does it; stands once in ``python``.
-        new: What stands there without it; ``None`` for a condition that is never met, or a statement that is skipped.
+        new: What stands there without it. If ``None``, a condition is never met, a line is skipped, and any other text
+            is left out.
     """
 
     what: str
@@ -32,9 +33,12 @@ class Guard(NamedTuple):
     @property
     def without(self) -> str:
         """The text that stands there without it."""
-        indent = " " * (len(self.old) - len(self.old.lstrip()))
-        never = "if False:" if self.old.lstrip().startswith("if ") else "pass"
-        return indent + never if self.new is None else self.new
+        if self.new is not None:
+            return self.new
+        line = re.match(r"( {4,})?(if )?", self.old)
+        assert line is not None
+        indent, condition = line.groups(default="")
+        return indent + ("if False:" if condition else "pass" if indent else "")
 
 
 _RATES: Final = ("_BACK_LEVELS_PER_S: Final = 5.0", "msgspec.Meta(ge=0, le=1000)] = 250.0")

@@ -63,8 +63,7 @@ OF_RUNS: Final = (
     Guard(
         "arming waits for nothing",
         "tega/property/test_safety::no_sequence_of_events_leads_to_active_without_every_condition",
-        '        if self.state == "idle" and clear:',
-        '        if self.state == "idle":',
+        " and clear",
     ),
     Guard(
         "a level passes in every state",
@@ -185,7 +184,8 @@ OF_RUNS: Final = (
     ),
     Guard(
         "what a killed recording left in memory stays there",
-        "tools/test_recording_disk::what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_one_begins",
+        "tools/test_recording_disk::"
+        "what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_one_begins",
         "        rescue_tails()",
     ),
     Guard(
@@ -235,14 +235,12 @@ OF_RUNS: Final = (
     Guard(
         "the hand's torque has the vendor's ceiling",
         "hazards/test_lost::no_torque_is_beyond_the_share_that_is_set",
-        "torque_limits=TORQUE_LIMITS * self.torque_share",
-        "torque_limits=TORQUE_LIMITS",
+        " * self.torque_share",
     ),
     Guard(
         "an adapter that was closed is not opened again",
         "tools/test_soak::a_soak_of_one_fault_passes[stop-program]",
-        "if self._bus is None and not (may_reopen and self._reopened()):",
-        "if self._bus is None:",
+        " and not (may_reopen and self._reopened())",
     ),
     Guard(
         "a finger's last picture stays on the vest",
