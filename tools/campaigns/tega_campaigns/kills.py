@@ -5,8 +5,7 @@ process (SIGKILL) at a random instant, opens the file with the public ``mcap`` r
 would, opens that too, and computes it again. What is lost is counted in the finished file. Exit code 1 unless every
 one is good; ``--markdown docs/evidence/recording.md`` writes the table of the docs.
 
-The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of their own, and feels an emulated Player;
-``--synthetic`` takes made-up sources instead, which need nothing and start sooner.
+The run is fed by the emulated DIGIT, Cyton and Allegro Hand in processes of their own, and feels an emulated Player.
 """
 
 from __future__ import annotations
@@ -39,6 +38,7 @@ MOST_LOST_S = 0.5
 """What a kill may cost."""
 
 _BEGIN_S = 60.0
+_LONGEST_S = 4.0
 _DISPLAYED = 5
 """Kills in the table of the docs: those that cost most."""
 
@@ -183,20 +183,17 @@ def main() -> int:
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write the page's table there")
     parser.add_argument("--instants", type=int, default=20)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--longest-s", type=float, default=4.0)
-    parser.add_argument("--synthetic", action="store_true", help="made-up sources instead of emulators")
-    parser.add_argument("--jpeg", action="store_true", help="record pictures as JPEG instead of as they are")
     given = parser.parse_args()
     instants = random.Random(given.seed)
 
     def kill(after_s: float) -> Kill:
         with (
             tempfile.TemporaryDirectory() as folder,
-            settings(Path(folder), synthetic=given.synthetic, lossless=not given.jpeg) as path,
+            settings(Path(folder), synthetic=False, lossless=True) as path,
         ):
             return kill_one(path, after_s)
 
-    at_s = [instants.uniform(0.3, given.longest_s) for _ in range(given.instants)]
+    at_s = [instants.uniform(0.3, _LONGEST_S) for _ in range(given.instants)]
     cases = [CampaignCase({"kill": k}, partial(kill, after_s)) for k, after_s in enumerate(at_s)]
     kills = report_cases(cases, as_json=given.json, attempts=1)
     if given.markdown is not None:

@@ -54,22 +54,14 @@ class AllegroNode:
     """One hand. It has no clock: every call has the time, which never goes back.
 
     ``hardware`` is the version as the hand sends it, 0x0402 for 4.2; ``side`` is ``right`` or ``left``,
-    ``device_id`` 0 to 3; ``seed`` is of the encoders' noise. ``position_ms`` is the period at which it
-    reports, whatever it was set to; ``None`` for the one it was set to.
+    ``device_id`` 0 to 3; ``seed`` is of the encoders' noise.
     """
 
     def __init__(
-        self,
-        *,
-        hardware: int = 0x0402,
-        side: str = "right",
-        device_id: int = 0,
-        seed: int = 0,
-        position_ms: int | None = None,
+        self, *, hardware: int = 0x0402, side: str = "right", device_id: int = 0, seed: int = 0
     ) -> None:
         """A hand that has just been switched on, its fingers half open."""
         self._hardware, self._side, self._device = hardware, side, device_id
-        self._forced_ms = position_ms
         self._random = np.random.default_rng(seed)
         self._angles, self._speeds = _REST.copy(), np.zeros(16)
         self._joint_c = np.full(16, _WARM_C)
@@ -150,7 +142,7 @@ class AllegroNode:
                 self._unanswered_s.clear()
         elif message == 0x81 and len(data) in {6, 8}:
             position_ms, _, temperature_ms = struct.unpack_from("<3H", data)
-            self._position_s = 1e-3 * (position_ms and (self._forced_ms or position_ms))
+            self._position_s = 1e-3 * position_ms
             self._temperature_s = 1e-3 * temperature_ms
             self._next_position_s = t_s + self._position_s if position_ms else math.inf
             self._next_temperature_s = t_s + self._temperature_s if temperature_ms else math.inf

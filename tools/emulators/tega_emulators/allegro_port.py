@@ -8,7 +8,7 @@ much), ``answers`` (how long after each set of positions since the last such que
 ``zero_s`` and ``off_s``: the machine's monotonic time of the last torque that was not zero, of the last change to zero
 torque, and of the last SERVO OFF).
 
-Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, ``--position-ms``, and
+Options: ``--hardware 0x0500``, ``--side left``, ``--device-id``, ``--seed``, and
 ``--interface udp_multicast --channel 239.74.163.2`` for a bus of python-can's instead of a terminal, ``--channel
 network`` for a serial adapter behind a network connection.
 """
@@ -214,17 +214,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--side", choices=("right", "left"), default="right")
     parser.add_argument("--device-id", type=int, default=0)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--position-ms", type=int, default=None)
     parser.add_argument("--interface", default="slcan")
     parser.add_argument("--channel", default="")
     given = parser.parse_args(arguments)
-    node = AllegroNode(
-        hardware=given.hardware,
-        side=given.side,
-        device_id=given.device_id,
-        seed=given.seed,
-        position_ms=given.position_ms,
-    )
+    node = AllegroNode(hardware=given.hardware, side=given.side, device_id=given.device_id, seed=given.seed)
     port: SlcanPort | BusPort
     if given.interface != "slcan":
         port = BusPort(node, interface=given.interface, channel=given.channel)

@@ -59,6 +59,9 @@ class _Fault:
     """What is wrong now."""
 
     def __init__(self) -> None:
+        self.end()
+
+    def end(self) -> None:
         self.error = ""
         self.stopped = self.locked = self.frozen = False
         self.rate = 1.0
@@ -124,12 +127,12 @@ def _server_class(fault: _Fault) -> Any:
 
 
 class _FrankaEmulator:
-    def __init__(self, host: str, hand_kg: float) -> None:
+    def __init__(self, hand_kg: float) -> None:
         self._fault = _Fault()
         self._hand_kg = hand_kg
         simulator = importlib.import_module("franky_sim.mujoco_simulator").MujocoSimulator
         self._sim = simulator(enable_visualization=False)
-        self._server_type, self._host = _server_class(self._fault), host
+        self._server_type = _server_class(self._fault)
         self._status = importlib.import_module("franky_sim.franka_robot_protocol").MoveStatus
 
     def run(self) -> None:
@@ -137,7 +140,7 @@ class _FrankaEmulator:
             robot = sim.add_robot()
             if self._hand_kg:
                 _hang(sim.worldbody, self._hand_kg)
-            self._server = self._server_type(robot, [self._host] if self._host else self._hosts())
+            self._server = self._server_type(robot, self._hosts())
             self._server.init()
             sim.start()
             notify({"host": self._server.hostname})
@@ -184,14 +187,7 @@ class _FrankaEmulator:
         elif verb == "refuse":
             fault.refuse = int(words[1])
         elif verb == "end":
-            fault.error, fault.stopped, fault.locked, fault.frozen, fault.refuse = (
-                "",
-                False,
-                False,
-                False,
-                None,
-            )
-            fault.rate = 1.0
+            fault.end()
         elif verb == "look":
             state = self._server.robot_state
             return {
@@ -221,13 +217,9 @@ def main() -> None:
     """Run it until the standard input closes."""
     parser = argparse.ArgumentParser(description="franky-sim's robot, with faults injected.")
     parser.add_argument(
-        "--host", default="", help="loopback address to listen at; none: the first that is free"
-    )
-    parser.add_argument(
         "--hand-kg", type=float, default=0.0, help="weight of what hangs at the flange besides its gripper"
     )
-    options = parser.parse_args()
-    _FrankaEmulator(options.host, options.hand_kg).run()
+    _FrankaEmulator(parser.parse_args().hand_kg).run()
 
 
 if __name__ == "__main__":
