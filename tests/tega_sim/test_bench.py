@@ -31,7 +31,7 @@ from tega_figures.bench import (
     variants,
     widths,
 )
-from tega_figures.bench.beside import processor_s
+from tega_figures.bench.machine import processor_s
 from tega_figures.bench.variants import CONTACT_LAWS
 from tega_figures.exact import exact_contact
 

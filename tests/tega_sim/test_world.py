@@ -10,8 +10,7 @@ from reference.gel import nearest_touch
 from reference.grip import TICK_S, Grip
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
-from tega_figures.world.lift import lift
-from tega_figures.world.rig import GRAVITY_M_S2, slip_force_n
+from tega_figures.world.lift import GRAVITY_M_S2, lift, slip_force_n
 from tega_sim.world import (
     FULL_DUTY_NM,
     GRASP_POSES_RAD,

@@ -23,6 +23,7 @@ from tega.setup.doctor.bench import DriverProbe
 from tega.setup.doctor.lab_file import lab_settings
 from tega_emulators.bench_moves import Moves
 from tega_emulators.emulated_operator import EmulatedOperator
+from tega_emulators.lab import keep_baseline
 from tega_emulators.process import Emulator
 
 __all__ = ["EmulatedBench"]
@@ -61,21 +62,13 @@ class EmulatedBench:
                 "emulated serial devices need pseudo-terminals, which this system lacks", "use Linux or macOS"
             )
         with ExitStack() as starting:
-            for digit in self.digits:
-                starting.enter_context(digit)
-            starting.enter_context(self.board)
-            starting.enter_context(self.player)
-            starting.enter_context(self.hand)
+            devices = [*self.digits, self.board, self.player, self.hand]
+            for device in devices:
+                starting.enter_context(device)
             if self.operator is not None:
-                starting.enter_context(self.operator)
+                devices += starting.enter_context(self.operator).devices
             # Programs that stand for devices would have to wait on a busy machine, as no device does.
-            for device in (
-                *self.digits,
-                self.board,
-                self.player,
-                self.hand,
-                *(self.operator.devices if self.operator else ()),
-            ):
+            for device in devices:
                 device.go_ahead()
             starting.enter_context(self.moves)
             self._up = starting.pop_all()
@@ -123,7 +116,7 @@ class EmulatedBench:
             self.operator.write_hidapi(folder / "hidapi")
         config = load_config(file, environ={}).config
         for finger, section in config.tactile.items():
-            self._keep_baseline(finger, section.options, file.parent / baselines[finger])
+            keep_baseline(section.options, file.parent / baselines[finger])
         # Where a rehearsal's participant reaches them; a press before now would be in the untouched picture.
         (folder / "moves.json").write_text(f'{{"port": {self.moves.port}}}\n', encoding="utf-8")
         if config.emg is None:
@@ -140,16 +133,6 @@ class EmulatedBench:
             ),
             file.parent / calibration,
         )
-
-    @staticmethod
-    def _keep_baseline(finger: str, options: object, file: Path) -> None:
-        import numpy as np
-
-        with driver_class("digit", "tactile")(options) as camera:
-            frame = camera.read(2.0)
-        if frame is None:
-            raise DeviceUnavailableError(f"the emulated camera of the {finger} sends no picture", "try again")
-        np.save(file, frame.image)
 
     def __exit__(self, *_error: object) -> None:
         """End them."""

@@ -11,11 +11,12 @@ import socket
 import sys
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any, NamedTuple
 
-__all__ = ["HidBoard", "HidPort"]
+__all__ = ["HidBoard", "HidPort", "installed"]
 
 _NAMES = ("hid", "hidraw")
 
@@ -69,19 +70,24 @@ class HidPort:
         """Return a device that is not open."""
         return _Device(self)
 
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[None]:
-        """Stand in the place of the package as long as the block lasts."""
-        before = {name: sys.modules.get(name) for name in _NAMES}
-        sys.modules.update(dict.fromkeys(_NAMES, self))  # type: ignore[arg-type]  # module-like is enough
-        try:
-            yield
-        finally:
-            for name, module in before.items():
-                if module is None:
-                    del sys.modules[name]
-                else:
-                    sys.modules[name] = module
+    def installed(self) -> AbstractContextManager[None]:
+        """Stand in the place of the package as long as a block lasts."""
+        return installed(self, *_NAMES)
+
+
+@contextlib.contextmanager
+def installed(module: Any, *names: str) -> Iterator[None]:
+    """Have something module-like stand in the place of packages as long as the block lasts."""
+    before = {name: sys.modules.get(name) for name in names}
+    sys.modules.update(dict.fromkeys(names, module))
+    try:
+        yield
+    finally:
+        for name, found in before.items():
+            if found is None:
+                del sys.modules[name]
+            else:
+                sys.modules[name] = found
 
 
 class _Device:

@@ -21,7 +21,7 @@ from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import felt_now
 
-__all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "pressing"]
+__all__ = ["PRESSED", "EmulatedLab", "emulated_lab", "keep_baseline", "pressing"]
 
 PRESSED = TouchMaxima(cci_max=1.2, eda_max=9000.0)
 """What counts as full so that each press of :func:`pressing` is felt otherwise."""
@@ -232,11 +232,16 @@ def _vest(stack: ExitStack, lab: EmulatedLab, driver: str) -> None:
 
 def _fingertip(sensor: Emulator, baseline: Path) -> dict[str, Any]:
     """Take a sensor's untouched picture, press something into it, and return its settings."""
-    with Digit(DigitOptions(source=sensor.address["source"], warm_up_s=0.1)) as camera:
+    options = {"source": sensor.address["source"], "warm_up_s": 0.1}
+    keep_baseline(DigitOptions(**options), baseline)
+    sensor.say("press 0.7")
+    return {"driver": "digit", "baseline": str(baseline), "options": options}
+
+
+def keep_baseline(options: Any, file: Path) -> None:
+    """Write the picture that an emulated DIGIT, with its driver's options, sends now."""
+    with Digit(options) as camera:
         frame = camera.read(5.0)
     if frame is None:
-        raise DeviceUnavailableError("the emulated sensor gave no picture", "try again")
-    np.save(baseline, frame.image)
-    sensor.say("press 0.7")
-    options = {"source": sensor.address["source"], "warm_up_s": 0.1}
-    return {"driver": "digit", "baseline": str(baseline), "options": options}
+        raise DeviceUnavailableError("an emulated sensor sends no picture", "try again")
+    np.save(file, frame.image)

@@ -6,11 +6,10 @@ process of the emulated vest; here it is fetched at its own pace, as old as a co
 
 from __future__ import annotations
 
-import contextlib
-import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from importlib.machinery import ModuleSpec
 from types import SimpleNamespace
 from typing import Any
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tega_emulators.hid_port import installed
 from tega_emulators.motor_sound import RATE_HZ
 from tega_emulators.process import Emulator
 
@@ -69,18 +69,9 @@ class SoundPort:
             raise PortAudioError("Error querying device -1")
         return _SoundStream(self, options, receives=False)
 
-    @contextlib.contextmanager
-    def installed(self) -> Iterator[None]:
-        """Stand in the place of the package as long as the block lasts."""
-        before = sys.modules.get("sounddevice")
-        sys.modules["sounddevice"] = self  # type: ignore[assignment]  # module-like is enough
-        try:
-            yield
-        finally:
-            if before is None:
-                del sys.modules["sounddevice"]
-            else:
-                sys.modules["sounddevice"] = before
+    def installed(self) -> AbstractContextManager[None]:
+        """Stand in the place of the package as long as a block lasts."""
+        return installed(self, "sounddevice")
 
 
 class _SoundStream:

@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
+from unittest.mock import patch
 
 import msgspec
 
@@ -28,8 +29,6 @@ __all__ = ["LIVE_VESTS", "VestBench", "VestReport", "felt_now", "seen_by", "vest
 
 LIVE_VESTS = ("bhaptics-ble", "bhaptics-player", "hid-vest")
 """The drivers that have an emulated vest."""
-
-_BUS = "DBUS_SYSTEM_BUS_ADDRESS"
 
 
 class VestBench(NamedTuple):
@@ -70,23 +69,11 @@ def vest_bench(driver: str, **options: Any) -> Iterator[VestBench]:
             stack.enter_context(port.installed())
         else:
             peer = stack.enter_context(Emulator("bluez_vest"))
-            stack.enter_context(_system_bus(peer.address["bus"]))
+            stack.enter_context(patch.dict(os.environ, DBUS_SYSTEM_BUS_ADDRESS=peer.address["bus"]))
             options = {"scan_s": 1.0, **options}
         make: Any = driver_class(driver, "vest")
         made = make.options_type(**options)
         yield VestBench(make(made), peer, port, made)
-
-
-@contextmanager
-def _system_bus(address: str) -> Iterator[None]:
-    before = os.environ.get(_BUS)
-    os.environ[_BUS] = address
-    try:
-        yield
-    finally:
-        os.environ.pop(_BUS)
-        if before is not None:
-            os.environ[_BUS] = before
 
 
 class VestReport(msgspec.Struct, frozen=True, kw_only=True):

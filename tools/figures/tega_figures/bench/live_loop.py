@@ -13,8 +13,7 @@ import msgspec
 
 from tega.config import Pace, check_tree
 from tega.loop.pacing import LATE_EDGES_NS
-from tega_figures.bench.beside import processor_s
-from tega_figures.bench.machine import Machine, describe_machine
+from tega_figures.bench.machine import Machine, describe_machine, processor_s
 from tega_figures.bench.witness import LateTicks, witness
 
 __all__ = ["LoopBench", "bench_loop"]
