@@ -38,14 +38,6 @@ def test_every_line_of_the_hazard_table_has_a_guard() -> None:
     assert not displayed - {guard.shown_by.split("[")[0] for guard in GUARDS}
 
 
-def _is_call(node: ast.AST, name: str) -> bool:
-    """Whether a node calls a function or a method of this name with a text first."""
-    if not (isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant)):
-        return False
-    called = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
-    return called == name and isinstance(node.args[0].value, str)
-
-
 def _keys(node: ast.AST) -> Iterator[str]:
     """Return the names under which a part of the code puts something into a table."""
     for one in ast.walk(node):
@@ -54,8 +46,8 @@ def _keys(node: ast.AST) -> Iterator[str]:
             keys = list(one.keys)
         elif isinstance(one, ast.Subscript) and isinstance(one.ctx, ast.Store):
             keys = [one.slice]
-        elif _is_call(one, "Watched"):
-            keys = [one.args[0]]  # type: ignore[attr-defined]  # it is a call
+        elif isinstance(one, ast.Call) and ast.unparse(one.func) == "Watched":
+            keys = [key for key in one.args[:1] if isinstance(key, ast.Constant)]
         for key in keys:
             assert isinstance(key, ast.Constant), f"line {one.lineno}: {ast.unparse(one)}"  # type: ignore[attr-defined]
             yield str(key.value)
@@ -66,11 +58,10 @@ def declared() -> set[str]:
     found = {"thumb"}  # of the fingers, which are watched alike
     texts = [file.read_text(encoding="utf-8") for file in (PROJECT / "python").rglob("*.py")]
     for text in filter(SIGNS.search, texts):
+        found.update(re.findall(r'\b(?:watch|alert)\(\s*"(.+?)"', text))
         for node in ast.walk(ast.parse(text)):
             if isinstance(node, ast.FunctionDef) and node.name in {"alerts", "needs", "watch_over"}:
                 found.update(_keys(node))
-            elif _is_call(node, "watch") or _is_call(node, "alert"):
-                found.add(node.args[0].value)  # type: ignore[attr-defined]  # it is a call with a text
     return found
 
 
