@@ -10,7 +10,7 @@ use crate::slopes::{Drift, Finger, Press, update};
 
 const RATE_HZ: f64 = 30.0;
 
-fn finger(seed: u64, noise: f32) -> Finger {
+fn finger_of(seed: u64, noise: f32) -> Finger {
     Finger { noise, ..Finger::new(seed, 120, 160) }
 }
 
@@ -48,7 +48,7 @@ fn a_leftover_that_fades_over_seconds_is_no_contact_and_hides_none() {
     ];
     for (number, course) in courses.into_iter().enumerate() {
         for noise in [0.1, 1.0] {
-            let mut finger = finger(number as u64, noise);
+            let mut finger = finger_of(number as u64, noise);
             let mut tracker = finger.tracker(RATE_HZ, 8);
             for _ in 0..20 {
                 assert!(!update(&mut tracker, &finger.still()).in_contact);
@@ -84,7 +84,7 @@ fn mains(hz: f64, amplitude: f64, t_s: f64) -> impl Fn(f64) -> f64 {
 fn mains_light_is_no_contact_and_does_not_shake_one() {
     for hz in [100.0, 99.0, 120.1] {
         for amplitude in [0.005, 0.01, 0.02] {
-            let mut finger = finger(3, 0.3);
+            let mut finger = finger_of(3, 0.3);
             let mut tracker = finger.tracker(RATE_HZ, 8);
             let mut eda = Vec::new();
             for k in 0..180 {
@@ -99,7 +99,7 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
                     eda.push(f64::from(touch.eda));
                 }
             }
-            let mut clean = finger(3, 0.3);
+            let mut clean = finger_of(3, 0.3);
             let mut without = clean.tracker(RATE_HZ, 8);
             let wanted = (0..60)
                 .map(|k| update(&mut without, &pressed(&mut clean, f64::from(u8::from(k >= 30)))).eda)
@@ -117,7 +117,7 @@ fn mains_light_is_no_contact_and_does_not_shake_one() {
 
 #[test]
 fn a_burst_of_darkness_begins_no_contact_and_ends_none() {
-    let mut finger = finger(5, 0.5);
+    let mut finger = finger_of(5, 0.5);
     let mut tracker = finger.tracker(RATE_HZ, 8);
     for k in 0..150 {
         let pressed = (60..120).contains(&k);
@@ -161,7 +161,7 @@ fn stepped(frame: &Array3<u8>, step: f32) -> Array3<u8> {
 fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
     let mut alarms = 0;
     for seed in 0..12 {
-        let mut finger = finger(seed, 0.3);
+        let mut finger = finger_of(seed, 0.3);
         let mut tracker = finger.tracker(RATE_HZ, 8);
         for k in 0..450 {
             let frame = stepped(&finger.still(), 1.5);
@@ -179,7 +179,7 @@ fn blocks_that_flip_by_a_step_are_hardly_ever_a_contact_and_hide_none() {
 
 #[test]
 fn the_first_frames_are_averaged_into_the_rest() {
-    let finger = finger(7, 0.0);
+    let finger = finger_of(7, 0.0);
     let gel = finger.gel.counts(None, Drift::default());
     let still = gel.mapv(|v| v.round() as u8);
     // A baseline that is off by half a count over patches, as one frame with noise is.
@@ -202,7 +202,7 @@ proptest! {
         seed in any::<u64>(), shares in prop::collection::vec(0f64..1.2, 4..40), cut in 0usize..40, flicker in 0f64..0.03,
         gaps in prop::collection::vec(0f64..0.3, 40)
     ) {
-        let mut finger = finger(seed, 0.5);
+        let mut finger = finger_of(seed, 0.5);
         let mut whole = finger.tracker(RATE_HZ, 8);
         let mut other = None;
         for (k, share) in shares.iter().enumerate() {
