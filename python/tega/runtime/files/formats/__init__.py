@@ -53,8 +53,8 @@ FORMATS: Final[tuple[Format, ...]] = (
     Format("MAT", (".mat",), (b"MATLAB 5.0",), f"{_HERE}.hdf5:open_mat", "scipy", "MATLAB, Octave"),
     Format("NumPy array", (".npy",), (b"\x93NUMPY",), f"{_HERE}.named:open_npy", "", "numpy.save"),
     Format("NumPy archive", (".npz",), (), f"{_HERE}.named:open_npz", "", "numpy.savez"),
-    Format("Parquet", (".parquet", ".pq"), (b"PAR1",), f"{_HERE}.parquet:open_parquet", "pyarrow", "pandas, Arrow"),
-    Format("WAV", (".wav",), (b"RIFF",), f"{_HERE}.wav:open_wav", "", "SpikeRecorder"),
+    Format("Parquet", (".parquet", ".pq"), (b"PAR1",), f"{_HERE}.named:open_parquet", "pyarrow", "pandas, Arrow"),
+    Format("WAV", (".wav",), (b"RIFF",), f"{_HERE}.edf:open_wav", "", "SpikeRecorder"),
     Format(
         "text", (), (), "tega.runtime.files.tables.text:open_text", "",
         "CSV, TSV, .csv.gz; OpenBCI GUI, BrainFlow, Delsys, Noraxon, LabVIEW .lvm, LibEMG, pandas, R",

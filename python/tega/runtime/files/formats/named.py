@@ -1,20 +1,33 @@
-"""Open NumPy's own files; choose the samples, their rate and their time among the arrays of a file with several."""
+"""Open NumPy's own files, and Parquet tables with pyarrow, a batch of rows at a time.
+
+Among the arrays of a file with several, the samples, their rate and their time are chosen.
+"""
 
 from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.judging import judged
-from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
+from tega.runtime.files.tables.table import (
+    MOST_JUDGED,
+    Blocks,
+    Reading,
+    Table,
+    in_one,
+    judged_columns,
+    oriented,
+)
+from tega.runtime.lifecycle import require
 
 _RATE = re.compile(
     r"(?:emg)?_?(?:fs|sfreq|s?rate|rate_?hz|fsamp|freq|frequency|sampl\w*_?(?:rate|freq\w*|hz))(?:_?hz|_?emg)?",
@@ -22,6 +35,7 @@ _RATE = re.compile(
 )
 _TIME = re.compile(r"(?:emg)?_?(?:t|time|times|time_?stamps?)(?:_?m?s)?", re.IGNORECASE)
 _MOST_LISTED = 12
+_ROWS = 65_536
 
 
 class Picked(NamedTuple):
@@ -161,3 +175,53 @@ def open_npz(path: Path, reading: Reading) -> Table:
             f"{path.name}: a damaged archive: {error}", "save it again with numpy.savez"
         ) from error
     return open_arrays(arrays, reading, path.name, "NumPy archive")
+
+
+def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all readers
+    """Open a table of named columns, one of numbers at least; columns that hold no numbers are text."""
+    parquet: Any = require("pyarrow.parquet", driver="emg-file", extra="formats")
+    types: Any = require("pyarrow.types", driver="emg-file", extra="formats")
+    with parquet.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        if file.metadata.num_rows * max(1, len(schema.names)) * 8 > MOST_MIB * 2**20:
+            raise RecordingError(f"{path.name}: more than {MOST_MIB} MiB of numbers", "cut the recording")
+        times = [types.is_timestamp(kind) or types.is_duration(kind) for kind in schema.types]
+        text = [
+            not (types.is_integer(kind) or types.is_floating(kind) or time)
+            for kind, time in zip(schema.types, times, strict=True)
+        ]
+        head = np.full((0, len(text)), np.nan)
+        for batch in file.iter_batches(batch_size=MOST_JUDGED):
+            head = np.column_stack(
+                [
+                    np.full(len(batch), np.nan) if is_text else _seconds_or_numbers(batch.column(k))
+                    for k, is_text in enumerate(text)
+                ]
+            )
+            break
+        columns = judged_columns(schema.names, head, text=text)
+    for column, is_time in zip(columns, times, strict=True):
+        if is_time:
+            column.holds, column.unit, column.unix, column.why = "time", "s", "", "values"
+    return Table(path.name, "Parquet", columns, _by_batches(parquet, path))
+
+
+def _by_batches(parquet: Any, path: Path) -> Blocks:
+    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+        with parquet.ParquetFile(path) as file:
+            wanted = [file.schema_arrow.names[k] for k in columns]
+            for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
+                place = {name: k for k, name in enumerate(batch.schema.names)}
+                yield np.column_stack([_seconds_or_numbers(batch.column(place[name])) for name in wanted])
+
+    return blocks
+
+
+def _seconds_or_numbers(column: Any) -> NDArray[np.float64]:
+    values = column.to_numpy(zero_copy_only=False)
+    if values.dtype.kind in "mM":
+        missing = np.isnat(values)
+        unit = "timedelta64[ns]" if values.dtype.kind == "m" else "datetime64[ns]"
+        seconds = values.astype(unit).astype(np.int64) / 1e9
+        return np.where(missing, np.nan, seconds)
+    return np.asarray(values, np.float64)
