@@ -30,7 +30,7 @@ _MESSAGES_KEPT: Final = 1024
 _BYTES_KEPT: Final = MIB // 2
 # Of a larger file another process writes the second half: two minutes of four fingers.
 _SPLIT_BYTES: Final = 512 * MIB
-_GROWING: Final = {"csv": GrowingCsv, "parquet": GrowingParquet}
+_GROWING: Final[dict[str, type[GrowingTable]]] = {"csv": GrowingCsv, "parquet": GrowingParquet}
 
 
 @reports_damage
@@ -153,7 +153,9 @@ class _TopicTable:
         at = 0
         for n in _runs(self.values):
             log_s = [(log_ns - self._epoch_ns) / 1e9 for log_ns in self.log_ns[at : at + n]]
-            self.to.add(_columns(self._schema, log_s, self.values[at : at + n], self._channels))
+            columns = _columns(self._schema, log_s, self.values[at : at + n], self._channels)
+            if columns["log_s"]:
+                self.to.add(columns)
             at += n
         self.log_ns.clear()
         self.values.clear()

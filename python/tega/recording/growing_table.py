@@ -1,12 +1,12 @@
-"""Write tables with columns that become known as the rows arrive.
+"""Write tables with columns that become known as the rows arrive, some rows at a time.
 
-Neither kind of table keeps more than some thousand rows in memory, however many it has.
+A column that later rows bring goes to the end, empty in earlier ones. Neither kind of table keeps more than some
+thousand rows in memory, however many it has.
 """
 
 from __future__ import annotations
 
 import csv
-from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import repeat
 from pathlib import Path
@@ -25,41 +25,16 @@ _ROWS_PER_GROUP: Final = 1 << 14
 _LEAST_DECIMAL, _MOST_DECIMAL = 1e-4, 1e16
 
 
-class GrowingTable(ABC):
-    """Takes some rows at a time; a column that later rows bring goes to the end, empty in earlier ones."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.empty = True
-
-    def add(self, columns: Columns) -> None:
-        """Add rows."""
-        if len(next(iter(columns.values()), ())):
-            self.empty = False
-            self._write(columns)
-
-    @abstractmethod
-    def append(self, part: Path) -> None:
-        """Add the rows of a finished table of this kind."""
-
-    @abstractmethod
-    def close(self) -> Path:
-        """Write all that is left and return the file."""
-
-    @abstractmethod
-    def _write(self, columns: Columns) -> None:
-        """Write rows."""
-
-    def _set_aside(self) -> Path:
-        """Give the file another name, to be written anew with further columns."""
-        return self.path.replace(self.path.with_name(f"{self.path.name}.part"))
+def _set_aside(path: Path) -> Path:
+    """Give a file another name, to be written anew with further columns."""
+    return path.replace(path.with_name(f"{path.name}.part"))
 
 
-class GrowingCsv(GrowingTable):
+class GrowingCsv:
     """A CSV table."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        self.path, self.empty = path, True
         self._names: dict[str, None] = {}
         self._file: IO[str] | None = None
 
@@ -83,7 +58,9 @@ class GrowingCsv(GrowingTable):
                 row = dict(zip(columns, cells, strict=True))
                 to.write(",".join([cell_text(row.get(name, "")) for name in self._names]) + "\n")
 
-    def _write(self, columns: Columns) -> None:
+    def add(self, columns: Columns) -> None:
+        """Add rows, at least one."""
+        self.empty = False
         to = self._file_with(columns)
         texts = [_texts(columns[name]) if name in columns else repeat("") for name in self._names]
         to.write("\n".join(map(",".join, zip(*texts, strict=False))) + "\n")
@@ -97,7 +74,7 @@ class GrowingCsv(GrowingTable):
         old = None
         if self._file is not None:
             self.close()
-            old = self._set_aside()
+            old = _set_aside(self.path)
         self._file = self.path.open("w", encoding="utf-8", newline="\n")
         self._file.write(",".join(map(cell_text, self._names)) + "\n")
         if old is not None:
@@ -122,11 +99,11 @@ def _texts(cells: Sequence[Any]) -> Iterable[str]:
     return map(repr if kinds == {int} else cell_text, cells)
 
 
-class GrowingParquet(GrowingTable):
+class GrowingParquet:
     """A table as Parquet."""
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path)
+        self.path, self.empty = path, True
         self._arrow = require("pyarrow", driver="export", extra="parquet")
         self._parquet = require("pyarrow.parquet", driver="export", extra="parquet")
         self._parts: list[Any] = []
@@ -147,7 +124,9 @@ class GrowingParquet(GrowingTable):
             for k in range(source.num_row_groups):
                 self._take(source.read_row_group(k))
 
-    def _write(self, columns: Columns) -> None:
+    def add(self, columns: Columns) -> None:
+        """Add rows, at least one."""
+        self.empty = False
         self._take(self._arrow.table({name: self._array(cells) for name, cells in columns.items()}))
 
     def _array(self, cells: Sequence[Any]) -> Any:
@@ -191,9 +170,12 @@ class GrowingParquet(GrowingTable):
             self._file = self._parquet.ParquetWriter(self.path, schema)
             return
         self._file.close()
-        old = self._set_aside()
+        old = _set_aside(self.path)
         self._file = self._parquet.ParquetWriter(self.path, schema)
         with self._parquet.ParquetFile(old) as source:
             for k in range(source.num_row_groups):
                 self._file.write_table(self._joined([schema.empty_table(), source.read_row_group(k)]))
         old.unlink()
+
+
+GrowingTable = GrowingCsv | GrowingParquet
