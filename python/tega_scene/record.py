@@ -19,8 +19,8 @@ from typing import Any, Final, NamedTuple
 import msgspec
 
 from tega.errors import RecordingError
-from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_reader import McapReader, table_ns
+from tega.recording.record_channels import McapFile
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.lifecycle import require

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 
 from tega.runtime.files.foreign_file import plain_name
-from tega.runtime.files.json_lines import JsonLines, read_json_lines
+from tega.runtime.files.whole_file import JsonLines, read_json_lines
 
 Kind = Literal[
     "session_start",

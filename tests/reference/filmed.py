@@ -11,7 +11,7 @@ import numpy as np
 from foxglove import channels, messages
 from numpy.typing import NDArray
 
-from tega.recording.mcap_file import McapFile
+from tega.recording.record_channels import McapFile
 from tega_scene.settings import VideoFormat
 from tega_scene.video import SceneEncoder
 

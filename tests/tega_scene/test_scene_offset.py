@@ -105,7 +105,7 @@ def test_a_damaged_file_of_offsets_is_told(tmp_path: Path) -> None:
 def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: Path) -> None:
     pytest.importorskip("av")
     pytest.importorskip("foxglove")
-    from tega.recording.mcap_file import McapFile
+    from tega.recording.record_channels import McapFile
     from tega.recording.replay.followed_file import PlayedMoment
     from tega.records.bus import Bus
     from tega.records.display import DisplayPicture

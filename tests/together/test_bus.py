@@ -147,7 +147,7 @@ def test_a_run_whose_onlookers_fail_does_and_records_the_same(tmp_path: Path) ->
 def test_a_recorder_that_fails_is_told_and_ends_no_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tega.recording.mcap_file import McapFile
+    from tega.recording.record_channels import McapFile
 
     original, files = McapFile.write, set[McapFile]()
 

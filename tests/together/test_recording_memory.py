@@ -17,7 +17,7 @@ from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView
-from tega.recording.mcap_file import McapFile
+from tega.recording.record_channels import McapFile
 from tega.records import Value
 
 pytestmark = pytest.mark.slow

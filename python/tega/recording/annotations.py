@@ -10,7 +10,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Final, Protocol
+from typing import Annotated, Final
 
 import msgspec
 
@@ -19,8 +19,7 @@ from tega.recording.inspection import inspect_file
 from tega.runtime.files.annotations import CodedEvent, check_times, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
-from tega.runtime.files.json_lines import JsonLines, read_json_lines
-from tega.runtime.files.whole_file import write_whole
+from tega.runtime.files.whole_file import JsonLines, read_json_lines, write_whole
 
 KEYS: Final = {"s": "slip", "d": "deformation", "x": "drop", "l": "lift_off"}
 """Behaviours by key."""
@@ -103,14 +102,7 @@ class AnnotationFile(JsonLines[_Line]):
 
     def add(self, event: CodedEvent) -> None:
         """Add an event; when this returns it is on the disk."""
-        self._step(
-            t_s=round(event.t_s, 6),
-            code=event.code,
-            duration_s=event.duration_s,
-            subject=event.subject,
-            modifiers=event.modifiers,
-            comment=event.comment,
-        )
+        self._step(**event._replace(t_s=round(event.t_s, 6))._asdict())
 
     def press(self, code: str, t_s: float, *, is_state: bool) -> str:
         """Add a point event, or begin or end a state; return the effect in words."""
@@ -150,18 +142,9 @@ class AnnotationFile(JsonLines[_Line]):
         self.append(line)
 
 
-class _Played(Protocol):
-    """Knows the moment of the recording that is played."""
-
-    @property
-    def at_s(self) -> float:
-        """Seconds from the beginning of the recording."""
-        ...
-
-
 @contextmanager
-def annotation_keys(recording: Path, rater: str, played: _Played) -> Iterator[Callable[[str], str]]:
-    """Code an event for each key, at the moment of the recording that ``played`` has then.
+def annotation_keys(recording: Path, rater: str, at_s: Callable[[], float]) -> Iterator[Callable[[str], str]]:
+    """Code an event for each key, at the moment of the recording that ``at_s`` returns then, seconds.
 
     Yields the function that takes a key from any thread, ``u`` to undo the last step, and returns the effect in words,
     ``""`` for none. Raises what :class:`AnnotationFile` does.
@@ -169,7 +152,7 @@ def annotation_keys(recording: Path, rater: str, played: _Played) -> Iterator[Ca
     file, lock = AnnotationFile(recording, rater), threading.Lock()
 
     def press(key: str) -> str:
-        t_s = played.at_s
+        t_s = at_s()
         with lock:
             try:
                 if key == "u":

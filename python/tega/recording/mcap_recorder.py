@@ -12,8 +12,8 @@ from typing import Any, BinaryIO
 
 from tega.config import RecordingSection
 from tega.errors import RecordingError
-from tega.recording.mcap_file import McapFile
 from tega.recording.mcap_folder import SessionFolder
+from tega.recording.record_channels import McapFile
 from tega.records import RECORDS, Record, RecorderStatus
 
 _LOG = logging.getLogger(__name__)

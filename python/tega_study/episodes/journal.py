@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 
 from tega.recording.mcap_folder import SessionFolder
-from tega.runtime.files.json_lines import JsonLines, read_json_lines
+from tega.runtime.files.whole_file import JsonLines, read_json_lines
 
 EPISODES = "episodes.jsonl"
 

@@ -132,7 +132,7 @@ def play(
     played = partial(play_file, file, speed=speed, because=because, playhead=playhead, others=others)
     drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
-    annotating = nullcontext() if rater is None else annotation_keys(file, rater, playhead)
+    annotating = nullcontext() if rater is None else annotation_keys(file, rater, lambda: playhead.at_s)
     with (
         annotating as annotate,
         CtrlC() as stop,
