@@ -11,7 +11,7 @@ import json
 import tempfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,8 @@ _DATA_MB = 100
 _ROWS_PER_GROUP = 1 << 14
 UNLABELLED = "grasp"
 """Task of a recording without a label."""
+_Scenes = Mapping[str, tuple[Path, tuple[int, int]]]
+"""Video of each scene camera, and height and width of its pictures."""
 # Columns that every dataset has.
 _COUNTERS = {
     "timestamp": "float32",
@@ -73,10 +75,9 @@ def export_lerobot(
         require(module, driver="export", extra="lerobot")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ConfigError(f"{str(folder)!r} is not empty, or is a file", "name a new folder with --out")
-    shapes = {}
-    for name, video in scenes.items():
+    for name in scenes:
         plain_name(name, subject="camera", source="--scene")
-        shapes[name] = check_scene(video)
+    given = _sized(scenes)
     folder.mkdir(parents=True, exist_ok=True)
     for path in paths:
         note_copy(path, folder)
@@ -84,28 +85,28 @@ def export_lerobot(
     try:
         for path in paths:
             with tempfile.TemporaryDirectory() as beside:
-                mine = scenes or own_scenes(path, Path(beside))
-                sizes = shapes or {name: check_scene(video) for name, video in mine.items()}
-                named = recorded_task(path) or task or UNLABELLED
-                _add(path, dataset.filmed(mine, sizes), fps, named, progress)
+                filmed = given or _sized(own_scenes(path, Path(beside)))
+                _add(path, dataset, recorded_task(path) or task or UNLABELLED, filmed, progress)
     finally:
         dataset.close()
     return folder
 
 
+def _sized(videos: Mapping[str, Path]) -> _Scenes:
+    return {name: (video, check_scene(video)) for name, video in videos.items()}
+
+
 @reports_damage
-def _add(path: Path, dataset: _Dataset, fps: int, task: str, progress: Progress | None) -> None:
+def _add(path: Path, dataset: _Dataset, task: str, scenes: _Scenes, progress: Progress | None) -> None:
     """Read a recording and add it; whatever its content leads to on the way is damage of that file."""
-    dataset.add(read_episode(path, fps=fps, progress=progress), task)
+    dataset.add(read_episode(path, fps=dataset.fps, progress=progress), task, scenes)
 
 
 class _Dataset:
     def __init__(self, folder: Path, fps: int) -> None:
         self._arrow: Any = require("pyarrow", driver="export", extra="lerobot")
         self._parquet: Any = require("pyarrow.parquet", driver="export", extra="lerobot")
-        self._folder, self._fps = folder, fps
-        self._scenes: Mapping[str, Path] = {}
-        self._filmed: Mapping[str, tuple[int, int]] = {}
+        self._folder, self.fps = folder, fps
         self._tasks: list[str] = []
         self._cameras: dict[str, EpisodeCamera] = {}
         self._features: dict[str, Any] = {}
@@ -116,22 +117,20 @@ class _Dataset:
         self._sources: list[dict[str, Any]] = []
         self._n_frames = 0
 
-    def filmed(self, scenes: Mapping[str, Path], sizes: Mapping[str, tuple[int, int]]) -> Self:
-        """Take the next episode's scene cameras from these videos; return this."""
-        self._scenes, self._filmed = scenes, sizes
-        return self
-
-    def add(self, episode: Episode, task: str) -> None:
-        """Add an episode of a task."""
+    def add(self, episode: Episode, task: str, scenes: _Scenes) -> None:
+        """Add an episode of a task, with videos of scene cameras."""
         if task not in self._tasks:
             self._tasks.append(task)
-        features = self._described(episode)
+        if both := sorted(set(scenes) & set(episode.shapes)):
+            raise ConfigError(f"the scene camera {both[0]} is named as a finger", "name it otherwise")
+        shapes = {**episode.shapes, **{name: size for name, (_, size) in scenes.items()}}
+        features = self._described(episode, shapes)
         if not self._features:
             self._features = features
-            for finger, shape in self._shapes(episode).items():
+            for finger, shape in shapes.items():
                 plain_name(finger, subject="finger", source=episode.path.name)
                 key = f"observation.images.{finger}"
-                self._cameras[finger] = EpisodeCamera(self._folder, key, self._fps, shape)
+                self._cameras[finger] = EpisodeCamera(self._folder, key, self.fps, shape)
         elif features != self._features:
             names = {**features, **self._features}
             other = [name for name in names if features.get(name) != self._features.get(name)]
@@ -143,7 +142,7 @@ class _Dataset:
         frames = np.arange(n)
         rows: dict[str, NDArray[Any]] = {name: column.values for name, column in episode.columns.items()}
         rows |= {
-            "timestamp": (frames / self._fps).astype(np.float32),
+            "timestamp": (frames / self.fps).astype(np.float32),
             "frame_index": frames,
             "episode_index": np.full(n, number),
             "index": self._n_frames + frames,
@@ -154,7 +153,7 @@ class _Dataset:
             camera.begin(n)
         for finger, image, n_times in episode.pictures():
             self._cameras[finger].add(image, n_times)
-        for name, video in self._scenes.items():
+        for name, (video, _) in scenes.items():
             for image, n_times in scene_frames(video, episode):
                 self._cameras[name].add(image, n_times)
         known: dict[str, Any] = {"episode_index": number, "tasks": [task], "length": n}
@@ -208,15 +207,9 @@ class _Dataset:
         table = table.replace_schema_metadata({"pandas": json.dumps(pandas)})
         self._parquet.write_table(table, self._folder / "meta" / "tasks.parquet")
 
-    def _shapes(self, episode: Episode) -> dict[str, tuple[int, int]]:
-        """Return height and width of the pictures of fingers and scene cameras."""
-        if both := sorted(set(self._filmed) & set(episode.shapes)):
-            raise ConfigError(f"the scene camera {both[0]} is named as a finger", "name it otherwise")
-        return {**episode.shapes, **self._filmed}
-
-    def _described(self, episode: Episode) -> dict[str, Any]:
+    def _described(self, episode: Episode, shapes: Mapping[str, tuple[int, int]]) -> dict[str, Any]:
         features: dict[str, Any] = {}
-        for finger, (height, width) in self._shapes(episode).items():
+        for finger, (height, width) in shapes.items():
             if not height * width or height % 2 or width % 2:
                 raise RecordingError(
                     f"{episode.path.name}: {finger}: {width}×{height} pixels are none, or not even",
@@ -232,7 +225,7 @@ class _Dataset:
                     "video.codec": CODEC,
                     "video.pix_fmt": PIXELS,
                     "video.is_depth_map": False,
-                    "video.fps": self._fps,
+                    "video.fps": self.fps,
                     "video.channels": 3,
                     "has_audio": False,
                 },
@@ -282,7 +275,7 @@ class _Dataset:
             "chunks_size": FILES_PER_CHUNK,
             "data_files_size_in_mb": _DATA_MB,
             "video_files_size_in_mb": VIDEO_MB,
-            "fps": self._fps,
+            "fps": self.fps,
             "splits": {"train": f"0:{n}"},
             "data_path": DATA,
             "video_path": VIDEOS if self._cameras else None,

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from functools import cache
-from operator import attrgetter
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -24,15 +24,7 @@ from tega.recording.record_columns import find_kind, record_of
 from tega.records import Marker
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import plain_name, reports_damage
-from tega_lerobot.streams import (
-    ARM_TARGET,
-    OBSERVED,
-    Chunks,
-    Column,
-    Samples,
-    Stream,
-    columns_of,
-)
+from tega_lerobot.streams import ARM_TARGET, OBSERVED, Chunks, Column, Samples, Stream, columns_of
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import export_camera, filmed_cameras
 
@@ -76,15 +68,14 @@ class Episode(NamedTuple):
         reader = McapReader(self.path)
         reader.progress = self.progress or reader.progress
         messages = reader.messages(lambda topic: topic.endswith("/image"), every=False)
-        decoded = compute_ahead(
-            self._shown(messages), lambda one: one.finger, lambda one: read_picture(one.message)
-        )
-        for shown, image in decoded:
+        for (finger, _, n_frames), image in compute_ahead(
+            self._shown(messages), itemgetter(0), lambda one: read_picture(one[1])
+        ):
             assert image is not None
-            yield shown.finger, image, shown.n_frames
+            yield finger, image, n_frames
 
-    def _shown(self, messages: Iterable[Message]) -> Iterator[_Shown]:
-        """Yield the messages of pictures that any frame shows."""
+    def _shown(self, messages: Iterable[Message]) -> Iterator[tuple[str, Message, int]]:
+        """Yield each picture that frames show, not decoded, after its finger, and how many in a row do."""
         places = dict.fromkeys(self.displayed, 0)
         for message in messages:
             finger = _finger(message, "/image")
@@ -97,15 +88,7 @@ class Episode(NamedTuple):
                     )
                 places[finger] = place + 1
                 if displayed[place] and message.schema in PICTURES and message.value is not None:
-                    yield _Shown(finger, message, int(displayed[place]))
-
-
-class _Shown(NamedTuple):
-    """A picture that frames show, not decoded, and how many in a row do."""
-
-    finger: str
-    message: Message
-    n_frames: int
+                    yield finger, message, int(displayed[place])
 
 
 @reports_damage

@@ -279,9 +279,8 @@ def _with_skin(stages: list[StageLatency]) -> list[StageLatency]:
 
 def _latency(stage: str, times_ns: list[int]) -> StageLatency:
     worst_ms = max(times_ns) / 1e6
-    if len(times_ns) < LEAST_SAMPLES:
-        return StageLatency(stage, len(times_ns), None, None, None, worst_ms)
-    p50, p95, p99 = (float(v) / 1e6 for v in np.percentile(times_ns, (50, 95, 99)))
+    enough = len(times_ns) >= LEAST_SAMPLES
+    p50, p95, p99 = (float(v) / 1e6 if enough else None for v in np.percentile(times_ns, (50, 95, 99)))
     return StageLatency(stage, len(times_ns), p50, p95, p99, worst_ms)
 
 

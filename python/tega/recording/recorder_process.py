@@ -16,7 +16,7 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple
 
 from tega.config import RecordingSection
 from tega.errors import RecordingError
@@ -53,11 +53,6 @@ class Item(NamedTuple):
     record: Record
     t_ns: int
     n_bytes: int
-
-    @classmethod
-    def of(cls, record: Record, t_ns: int | None) -> Self:
-        """Make the item of a record, which came at the time of its own stamp unless another is given."""
-        return cls(record, record.log_ns if t_ns is None else t_ns, record.n_bytes + _ITEM_BYTES)
 
 
 class BoundedQueue:
@@ -176,7 +171,8 @@ class RecorderProcess:
 
     def put(self, record: Record, *, t_ns: int | None = None) -> None:
         """Hand a record over; returns at once. Records that do not fit are dropped and counted."""
-        self._queue.put(Item.of(record, t_ns))
+        t_ns = record.log_ns if t_ns is None else t_ns
+        self._queue.put(Item(record, t_ns, record.n_bytes + _ITEM_BYTES))
 
     def problem(self) -> str:
         """Return why no more is recorded, or how many records were dropped while that goes on; else ``""``."""

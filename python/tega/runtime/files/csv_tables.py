@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Collection, Sequence
 from pathlib import Path
-from typing import IO, Final
+from typing import Final
 
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_foreign
@@ -60,7 +60,7 @@ class CsvWriter:
     """Writes finished lines to a file, many at a time."""
 
     def __init__(self, path: Path, columns: Sequence[str], *, most_lines: int = _ROWS_PER_WRITE) -> None:
-        self._file: IO[str] | None = path.open("w", encoding="utf-8", newline="\n")
+        self._file = path.open("w", encoding="utf-8", newline="\n")
         self._lines: list[str] = [",".join(map(cell_text, columns)) + "\n"]
         self._most_lines = most_lines
         self.n_rows = 0
@@ -74,20 +74,16 @@ class CsvWriter:
 
     def flush(self) -> None:
         """Hand all lines to the file."""
-        if self._file is not None:
+        if not self._file.closed:
             self._file.write("".join(self._lines))
         self._lines.clear()
 
     def close(self) -> None:
         """Write the remaining rows and close the file; closing twice does nothing."""
-        file = self._file
-        if file is None:
-            return
         try:
             self.flush()
         finally:
-            self._file = None
-            file.close()
+            self._file.close()
 
 
 def read_rows(
