@@ -11,12 +11,14 @@ from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
 
 from reference.played import finger, muscles
+from tega import records
 from tega.config import check_tree
 from tega.loop import run_session
 from tega.recording.mcap_schemas import decoder
 from tega.recording.replay import Replay
 from tega.recording.replay.feed import RecordFeed
 from tega.records import Contact, EmgSamples, Picture, Record
+from tega.records.bus import Bus
 from tega.records.schema import own_schema
 from tega.records.types import record_types
 from tega.runtime.files.foreign_file import reports_damage
@@ -50,15 +52,54 @@ lossless = true
 {more}"""
 
 
-def record(folder: Path, *, duration_s: float | None = None, **recording: Any) -> Path:
+def record(
+    folder: Path,
+    *,
+    duration_s: float | None = None,
+    preset: str = "live",
+    bus: Bus | None = None,
+    **recording: Any,
+) -> Path:
     """Record a run to the end of its input, or for a shorter time."""
     wanted = tree(folder, **recording)
-    if duration_s is not None:
-        wanted["session"]["duration_s"] = duration_s
-    summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config)
+    wanted["session"] |= {"preset": preset} | ({} if duration_s is None else {"duration_s": duration_s})
+    summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config, bus=bus)
     assert summary["recording"]["state"] == "complete"
     assert summary["recording"]["dropped"] == {}
     return folder / str(summary["recording"]["file"])
+
+
+def record_with_arm(folder: Path) -> Path:
+    """Record a run with two markers, and the made-up records of an arm each time that a fingertip says something.
+
+    The measured arm moves by 0.1 m/s along x, 10 mm below the target of its turns; viewers have a target from half a
+    second on, 0.2 m higher.
+    """
+    bus = Bus()
+    reported: list[int] = []
+
+    def observe(contact: Contact) -> None:
+        t_ns, turn = contact.taken_ns, (0.0, 0.0, 0.0, 1.0)
+        x_m = 0.5 + 0.1 * t_ns / 1e9
+        common: Any = {"t_ns": t_ns, "taken_ns": t_ns, "frame": "arm_base", "quaternion": turn}
+        bus.publish(
+            records.ArmTurn(
+                t_ns=t_ns, poses=(), clutch=True, dead_man=True, may_move=True, stopped="", cleared=False,
+                measured=(records.PoseNumbers(t_ns, (x_m, 0.0, 0.3), turn),), state="following", holds=1,
+                reason="the arm follows the forearm", target=(x_m, 0.0, 0.31, *turn), velocity=(0.0,) * 6,
+                phase="following",
+            )
+        )  # fmt: skip
+        bus.publish(records.ArmMeasured(position=(x_m, 0.0, 0.3), **common))
+        if t_ns >= 500_000_000:
+            bus.publish(records.ArmTarget(position=(x_m, 0.0, 0.5), **common))
+        if not reported:
+            bus.publish(records.Marker(t_ns=200_000_000, text="lift", source="pedal"))
+            bus.publish(records.HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
+        reported.append(t_ns)
+
+    bus.subscribe(Contact, observe)
+    return record(folder, bus=bus)
 
 
 def rewritten(

@@ -5,17 +5,14 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from reference.command import call
 from reference.lerobot_data import FPS, info, rows
-from reference.sessions import rewritten
-from reference.sessions import tree as sessions_tree
+from reference.sessions import record_with_arm, rewritten
 from tega.errors import ConfigError, RecordingError, UnsafeNameError
-from tega.records import Contact
 from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.video import Video
 from tega_scene.pictures import times_path
@@ -27,8 +24,7 @@ av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="the arm's process needs Linux or macOS")
 def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Path) -> None:
-    recording = _with_arm(tmp_path)
-    dataset = export_lerobot([recording], tmp_path / "dataset", fps=FPS)
+    dataset = export_lerobot([record_with_arm(tmp_path / "arm")], tmp_path / "dataset", fps=FPS)
     features, table = info(dataset)["features"], rows(dataset)
     names = ["x_m", "y_m", "z_m", "qx", "qy", "qz", "qw"]
     assert features["observation.arm"] == {
@@ -52,36 +48,6 @@ def test_the_arm_is_observed_and_asked_in_one_action_with_the_hand(tmp_path: Pat
         ("lift", "pedal", int((0.2 - start_s) * FPS + 1e-9)),
         ("put down", "another program", int((0.8 - start_s) * FPS + 1e-9)),
     ]
-
-
-def _with_arm(folder: Path) -> Path:
-    """Record a run whose records of an arm and markers are made up."""
-    from tega.config import check_tree
-    from tega.loop import run_session
-    from tega.records import ArmMeasured, ArmTarget, HeardMarker, Marker
-    from tega.records.bus import Bus
-
-    bus = Bus()
-    reported: list[int] = []
-
-    def observe(contact: Any) -> None:
-        """Say where the arm is, each time that a fingertip says something."""
-        t_ns = contact.taken_ns
-        turn = (0.0, 0.0, 0.0, 1.0)
-        common = {"t_ns": t_ns, "taken_ns": t_ns, "frame": "arm_base", "quaternion": turn}
-        x_m = 0.5 + 0.1 * t_ns / 1e9
-        bus.publish(ArmMeasured(position=(x_m, 0.0, 0.3), **common))
-        if t_ns >= 500_000_000:
-            bus.publish(ArmTarget(position=(x_m, 0.0, 0.5), **common))
-        if not reported:
-            bus.publish(Marker(t_ns=200_000_000, text="lift", source="pedal"))
-            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
-        reported.append(t_ns)
-
-    bus.subscribe(Contact, observe)
-    tree = sessions_tree(folder / "arm")
-    summary = run_session(check_tree(tree, {}, base=folder).config, bus=bus)
-    return folder / "arm" / str(summary["recording"]["file"])
 
 
 BEGUN_NS = 5_000_000_000
@@ -149,7 +115,7 @@ def test_the_public_package_opens_arm_force_and_scene_too(
 ) -> None:
     monkeypatch.setenv("HF_HUB_OFFLINE", "1")
     public = pytest.importorskip("lerobot.datasets.lerobot_dataset", reason="needs the package lerobot")
-    recording = rewritten(_with_arm(tmp_path), tmp_path / "trial-001.mcap", tables=STARTED)
+    recording = rewritten(record_with_arm(tmp_path / "arm"), tmp_path / "trial-001.mcap", tables=STARTED)
     side = filmed(tmp_path / "side.mp4", [BEGUN_NS + ms * 1_000_000 for ms in range(-90, 1700, 50)])
     dataset = export_lerobot(
         [recording], tmp_path / "dataset", fps=FPS, task="lift the bag", scenes={"side": side}

@@ -12,28 +12,18 @@ from __future__ import annotations
 
 import lzma
 from pathlib import Path
-from typing import Any
 
 import pytest
-from google.protobuf.descriptor_pb2 import FileDescriptorSet
-from mcap.reader import make_reader
 from msgspec.structs import replace
 
-from reference.sessions import messages, read_recorded, reported, rewritten
-from tega.config import StagesSection, check_tree
-from tega.config.choose import muscle_decoder
-from tega.devices.base import DeviceInfo
+from reference.sessions import messages, reported, rewritten
 from tega.errors import RecordingError
-from tega.loop import run_session
-from tega.loop.controls import Controls
-from tega.loop.inbox.inputs import Finger, Muscles, Prepared
-from tega.loop.inbox.sources import SourceReport, chunk_of, frame_of
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
-from tega.recording.mcap_schemas import encoded, record_versions, schema_bytes
+from tega.recording.mcap_schemas import encoded
 from tega.recording.replay import replay_file
 from tega.recording.session import VERSION
-from tega.records import RECORDS, Contact, EmgSamples, NamedValue, Picture
+from tega.records import RECORDS, Contact, NamedValue
 from tega.records.schema import own_schema, read, schema_name
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -114,30 +104,6 @@ def test_an_unknown_record_is_a_feature_s_unless_a_later_tega_made_it(golden: Pa
         replay_file(later)
 
 
-def _old_messages(path: Path) -> dict[str, list[Any]]:
-    with path.open("rb") as file:
-        summary = make_reader(file).get_summary()
-    assert summary is not None
-    old: dict[str, Any] = {}
-    for schema in summary.schemas.values():
-        if schema.name.startswith("tega."):
-            for message in FileDescriptorSet.FromString(schema.data).file[0].message_type:
-                old[message.name] = list(message.field)
-    return old
-
-
-def test_every_message_of_an_earlier_version_is_the_beginning_of_todays(golden: Path) -> None:
-    (today,) = FileDescriptorSet.FromString(schema_bytes()).file
-    fields = {message.name: list(message.field) for message in today.message_type}
-    old, then = _old_messages(golden), reported(golden).get("records", {})
-    assert len(old) > 15
-    for name, before in old.items():
-        assert [f.SerializeToString() for f in fields[name][: len(before)]] == [
-            f.SerializeToString() for f in before
-        ]
-        assert len(fields[name]) == len(before) or record_versions()[name] > int(then.get(name, "1")), name
-
-
 def test_records_read_from_an_earlier_version_are_written_as_the_same_bytes(golden: Path) -> None:
     kinds = {schema_name(kind): kind for kind in RECORDS if own_schema(kind)}
     seen = set()
@@ -161,67 +127,3 @@ def test_records_read_from_an_earlier_version_are_written_as_the_same_bytes(gold
             assert encoded(record) == raw[message.topic, k]
             seen.add(kind)
     assert len(seen) >= {"1-paper": 10, "1-live": 18, "2-live": 12, "2-jpeg": 13}[golden.stem]
-
-
-class _Given:
-    """A source that gives what a recording holds."""
-
-    ended = False
-
-    def __init__(self, info: DeviceInfo, items: list[Any]) -> None:
-        self.info, self._items = info, items
-
-    def read(self, _timeout_s: float) -> Any:
-        item = self._items.pop(0)
-        self.ended = not self._items
-        return item
-
-
-def test_the_same_input_is_recorded_as_the_same_bytes_as_by_the_first_version(tmp_path: Path) -> None:
-    golden = tmp_path / "paper.mcap"
-    golden.write_bytes(lzma.decompress((GOLDEN / "1-paper.mcap.xz").read_bytes()))
-    recorded = read_recorded(golden, Picture, EmgSamples)
-    frames: dict[str, list[Any]] = {}
-    for picture in recorded.of(Picture):
-        frames.setdefault(picture.finger, []).append(frame_of(picture))
-    chunks: list[Any] = [chunk_of(given) for given in recorded.of(EmgSamples)]
-    head = recorded.head
-    fingers: dict[str, Finger] = {}
-    for name in head.baselines:
-        given: Any = _Given(head.sources[name], frames[name])
-        fingers[name] = Finger(given, head.baselines[name], "recording", SourceReport())
-    emg = head.calibration.emg
-    assert emg is not None
-    decoder = muscle_decoder(StagesSection(), "paper", emg)
-    amplifier: Any = _Given(head.sources["emg"], chunks)
-    prepared = Prepared(fingers, Muscles(amplifier, emg, decoder, SourceReport()), head.calibration, "")
-    looks = 0
-
-    def haptics() -> bool:
-        nonlocal looks
-        looks += 1
-        return not 12 < looks < 16
-
-    tree = {
-        "session": {"preset": "paper", "pace": "fast"},
-        "recording": {"dir": str(tmp_path / "again"), "lossless": True, "stop_free_mib": 0.0},
-    }
-    summary = run_session(
-        check_tree(tree, {}, base=tmp_path).config, prepared=prepared, controls=Controls(haptics=haptics)
-    )
-    again = tmp_path / "again" / summary["recording"]["file"]
-    assert _by_topic(again) == _by_topic(golden)
-
-
-def _by_topic(path: Path) -> dict[str, list[tuple[int, bytes]]]:
-    """Return time and bytes of all messages that do not tell of the machine's own time, by topic."""
-    epoch_ns = int(reported(path)["tega"]["epoch_ns"])
-    found: dict[str, list[tuple[int, bytes]]] = {}
-    for topic, log_ns, _, data in messages(path):
-        # Viewers' own messages hold a time of day.
-        viewers = topic == "/hand/joints" or topic.endswith("/image")
-        # A reason is words for people, which have been improved.
-        today = data.replace(b"\x1a\x0call is there", b"\x1a\x11all devices ready")
-        if topic not in {"/recorder/status", "/touch/event"}:  # the first version told no events
-            found.setdefault(topic, []).append((log_ns - epoch_ns, b"" if viewers else today))
-    return found

@@ -24,13 +24,6 @@ CONTACTS = "/tactile/thumb/contact"
 CLAIM = "re-run from the raw pictures and samples"
 
 
-def in_paper(folder: Path) -> Path:
-    """Return a lossless recording with a metric that has no memory."""
-    session = tree(folder)
-    session["session"] |= {"preset": "paper", "duration_s": 0.7}
-    return folder / str(run_session(check_tree(session, {}, base=folder).config)["recording"]["file"])
-
-
 @pytest.fixture(autouse=True)
 def _once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Have each test compute a recording once, however often it asks for words or numbers about it."""
@@ -85,7 +78,8 @@ def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_w
 def test_a_part_that_a_metric_without_memory_measured_is_measured_again(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    part = trim_session(in_paper(tmp_path / "whole"), from_s=0.2, to_s=0.6, out=tmp_path / "part")
+    whole = record(tmp_path / "whole", duration_s=0.7, preset="paper")  # its metric has no memory
+    part = trim_session(whole, from_s=0.2, to_s=0.6, out=tmp_path / "part")
     assert kept(capsys, part) == {}
     assert CLAIM in call(capsys, "verify", part)[0]
     broken(monkeypatch)

@@ -37,16 +37,11 @@ class ArmTurn(Record, frozen=True, kw_only=True):
     """Inputs of one turn of the loop that steers an arm, and the resulting command.
 
     Attributes:
-        t_ns: When, since the start of the session.
         poses: Forearm poses since the last turn, in the tracker's axes.
-        clutch: Whether the clutch was pressed.
-        dead_man: Whether the dead-man switch was held.
         may_move: Whether the run let the arm move.
         measured: New measured pose of the hand: one or none.
         stopped: Why the arm was to stop; ``""`` if it was not.
         cleared: Whether a person had said that it may go on.
-        state: State of the chain.
-        reason: Why.
         holds: How often the arm was engaged.
         target: Position and quaternion; empty for none.
         velocity: Linear, m/s, then angular, rad/s.
@@ -80,11 +75,8 @@ class ArmHealth(Record, frozen=True, kw_only=True):
     """Health of the arm's process, once a second.
 
     Attributes:
-        t_ns: Since the start of the session.
         rate_hz: Its commands a second.
         worst_ms: Its latest command.
-        late: Commands that came late.
-        refused: Commands that the robot refused.
         success_rate: As the robot says; -1 where it does not.
     """
 
@@ -105,7 +97,6 @@ class PoseRecord(Record, frozen=True, kw_only=True):
         t_ns: Its stamp, since the start of the session.
         taken_ns: The turn it belongs to.
         frame: Name of its axes.
-        position: x, y, z.
         quaternion: x, y, z, w.
     """
 
@@ -147,7 +138,6 @@ class TrackerAxes(Record, frozen=True, kw_only=True):
     """Turn of the tracker's axes in the robot's base.
 
     Attributes:
-        t_ns: Since the start of the session.
         parent: Name of the base's axes.
         child: Name of the tracker's axes.
         quaternion: The turn, x, y, z, w.

@@ -54,6 +54,8 @@ DRAWINGS: dict[type[msgspec.Struct], Callable[[Any], str]] = {}
 class Record(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A fact that passes through a run, and the topic that it belongs to.
 
+    A record's ``t_ns`` counts from the start of the session where its documentation names no other clock.
+
     Attributes:
         topic: Where it is published; ``{finger}`` stands for the field of that name.
         schema: Name of its message in files; ``""`` for the class's own.
@@ -107,7 +109,6 @@ class VideoPacket(Record, frozen=True, kw_only=True):
     """One encoded picture of a camera; a feature gives the topic.
 
     Attributes:
-        camera: Name of the camera.
         t_ns: Time at which the machine received the picture, since the start of the session.
         data: The packet: Annex B of H.264, or a temporal unit of AV1.
         video: ``h264`` or ``av1``.

@@ -19,7 +19,6 @@ class EmgSamples(Record, frozen=True, kw_only=True):
         t_ns: When the last of them was complete, since the start of the session.
         received_ns: When the program had them; ``t_ns`` for those out of a file.
         first_index: Number of the first of them; a gap is a loss.
-        n_channels: How many channels.
         samples: float64 (n · channels,), sample by sample, in the source's unit.
     """
 
@@ -63,16 +62,7 @@ class Intent(Record, frozen=True, kw_only=True):
 
 
 class BesideIntent(Record, frozen=True, kw_only=True):
-    """Intent that a second decoder finds in the same samples.
-
-    Attributes:
-        stage: Its name in the recording.
-        t_ns: When the newest sample was complete, since the start of the session.
-        channels: Level of each muscle, 0 to 5; 0 for one that cannot be believed.
-        level: Closure level of all of them together, 1 to 5.
-        closure: From 0 (open) to 1 (closed); ``None`` where the decoder knows levels only.
-        confidence: How sure the decoder is, 0 to 1; ``None`` where it does not say.
-    """
+    """Intent that a second decoder, ``stage``, finds in the same samples; fields as those of :class:`Intent`."""
 
     topic: ClassVar[str] = "/beside/{stage}/emg"
     unwritten: ClassVar[tuple[str, ...]] = ("stage",)

@@ -16,7 +16,6 @@ class BusFrame(msgspec.Struct, frozen=True):
     """One frame of a CAN bus.
 
     Attributes:
-        id: Its identifier.
         data: The payload, 0 to 8 bytes.
         remote: Whether it asks for the data frame of the same identifier.
         flags: 1 for an identifier of 29 bits, plus 2 for an error frame.
@@ -72,7 +71,6 @@ class HandExchange(Record, frozen=True, kw_only=True):
         t_ns: Time on the machine's monotonic clock, as it was passed to the link.
         level: Closure level asked for, or the nearest.
         received: Frames received since the last exchange.
-        sent: Frames sent to the hand.
         action: ``exchange``, ``release`` or ``abandon``.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
         added: Addition of a reflex to the level.
@@ -118,7 +116,6 @@ class ReflexGrip(Record, frozen=True, kw_only=True):
         allowed: Whether the run was active.
         measured: Closure of the hand by its joints; ``None`` where no hand is measured.
         wish: Request of the reflex, -1 (take back) to 1.
-        cause: Why, in a few words.
     """
 
     topic: ClassVar[str] = "/hand/reflex"
@@ -179,7 +176,6 @@ class VestRecord(Record, frozen=True, kw_only=True):
 
     Attributes:
         t_ns: The tick it was made at, since the start of the session.
-        layout: Name of the layout.
         intensities: Intensity of each motor, front row by row from the top, then the back.
         handed_ns: When it was handed over.
     """

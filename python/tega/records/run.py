@@ -21,9 +21,7 @@ class RunState(Record, frozen=True, kw_only=True):
     """The run's state from now on.
 
     Attributes:
-        t_ns: Since the start of the session.
         state: ``preparing``, ``armed``, ``active``, ``hold`` or ``stopped``.
-        reason: Why, in words.
     """
 
     topic: ClassVar[str] = "/run/state"
@@ -38,7 +36,6 @@ class Alert(Record, frozen=True, kw_only=True):
     """Trouble that does not change the run's state.
 
     Attributes:
-        t_ns: Since the start of the session.
         name: Subject of the alert.
         said: Description of the problem; ``""`` once it has ended.
     """
@@ -54,9 +51,6 @@ class Marker(Record, frozen=True, kw_only=True):
     """A marked moment, such as a trial's beginning or a pressed pedal.
 
     Attributes:
-        t_ns: Since the start of the session.
-        text: Text of the marker.
-        source: Origin of the marker.
         received_ns: When it came from another program; 0 for one of this run, like those below.
         stamp_s: The other program's own time.
         correction_s: Offset from that time to this machine's time.
@@ -105,13 +99,7 @@ class Haptics(Record, frozen=True, kw_only=True):
 
 
 class Value(Record, frozen=True, kw_only=True):
-    """A stage's delay that has no stream of its own.
-
-    Attributes:
-        t_ns: Since the start of the session.
-        name: Name of the stage.
-        value: How long.
-    """
+    """A stage's delay that has no stream of its own."""
 
     topic: ClassVar[str] = "/value/{name}"
 
@@ -141,10 +129,7 @@ class LogLine(Record, frozen=True, kw_only=True):
     """A line of the program's log.
 
     Attributes:
-        t_ns: Since the start of the session.
         level: As the standard library counts: 20 for information, 30 for a warning.
-        name: Name of the logger.
-        text: The line.
     """
 
     topic: ClassVar[str] = "/log"
@@ -247,11 +232,7 @@ class Button(Record, frozen=True, kw_only=True):
     """A button that went down or up.
 
     Attributes:
-        seat: Purpose of the device.
-        t_ns: When, since the start of the session.
         seq: The event's number from the device.
-        button: Name of the button.
-        pressed: Whether it went down.
     """
 
     topic: ClassVar[str] = "/input/{seat}/button"

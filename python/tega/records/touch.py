@@ -35,7 +35,6 @@ class Picture(Record, frozen=True, kw_only=True):
     """One picture of a fingertip camera, as it was read.
 
     Attributes:
-        finger: Name of the finger.
         image: uint8 (H, W, 3), blue, green, red; borrowed and read-only.
         t_ns: When it was taken, since the start of the session.
         received_ns: When the program had it; ``t_ns`` for one out of a file.
@@ -72,7 +71,6 @@ class NamedValue(msgspec.Struct, frozen=True):
 
     Attributes:
         name: Name of the value, such as ``embedding_1``.
-        value: How much.
         unit: Unit of the value; ``1`` for a plain number.
     """
 
@@ -89,7 +87,6 @@ class Contact(Record, frozen=True, kw_only=True):
     ``eda`` and ``cci`` 0.
 
     Attributes:
-        finger: Name of the finger.
         t_ns: When the picture was taken, since the start of the session.
         taken_ns: The loop's tick at which it was taken in.
         mass: Sum of the grey map.
@@ -100,7 +97,6 @@ class Contact(Record, frozen=True, kw_only=True):
         cci: Contact concentration index (Eq 6).
         peak: Largest grey value.
         peak_xy: Where that is, column and row.
-        in_contact: Whether anything touches.
         cci_norm: CCI as a share of the finger's maximum, 0 to 1.
         eda_norm: EDA likewise.
         front: Share of full of the finger's front column: of the intensity (Eq 7, 8), or of the sensation above the
@@ -167,19 +163,7 @@ class Contact(Record, frozen=True, kw_only=True):
 
 
 class BesideContact(Record, frozen=True, kw_only=True):
-    """Contact that a second metric finds in a picture.
-
-    Attributes:
-        stage: Its name in the recording.
-        finger: Finger of the frame.
-        t_ns: When that was taken, since the start of the session.
-        in_contact: Whether anything touches.
-        eda: Effective deformation area.
-        cci: Contact concentration index.
-        peak: Largest grey value.
-        centroid_xy: Middle of the contact, column and row.
-        more: Values of the metric's own.
-    """
+    """Contact that a second metric, ``stage``, finds in a picture; fields as those of :class:`Contact`."""
 
     topic: ClassVar[str] = "/beside/{stage}/{finger}"
     unwritten: ClassVar[tuple[str, ...]] = ("stage", "finger")

@@ -30,6 +30,7 @@ from tega.config import load_config
 from tega.config.calibration import load_calibration
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
 from tega.recording.inspection import inspect_file
+from tega.recording.opened import open_recording
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.records import EmgSamples
@@ -117,6 +118,16 @@ def _looked_at(path: Path) -> None:
     )
 
 
+def _opened(path: Path) -> None:
+    recording = open_recording(path)
+    repr(recording)
+    for name, topic in recording.items():
+        if name.endswith(("/contact", "/samples", "/state")):
+            topic.to_numpy()
+        elif name.endswith("/image") and len(topic):
+            topic[len(topic) // 2]
+
+
 @settings(parent=FEW, max_examples=settings().max_examples // 4)
 @given(
     spot=SPOT,
@@ -131,7 +142,7 @@ def test_a_recording_that_is_odd_is_told_to_be(
         odd(short, path, spot, changes, kinds)
     else:
         path.write_bytes(mutated(short.read_bytes(), changes))
-    for use in (inspect_file, replay_file, _looked_at):
+    for use in (inspect_file, replay_file, _looked_at, _opened):
         with contextlib.suppress(TegaError):
             use(path)
 

@@ -1,8 +1,9 @@
-"""Tables as other programs write them: what is a channel, what is refused, and when each sample was."""
+"""Tables as other programs write them: what is a channel, what is refused, and when each sample was; other formats."""
 
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,14 @@ from reference.emg_writers import xdf_header
 from reference.xdf_file import Received, write_xdf
 from tega.config import check_tree
 from tega.devices.emg.emg_file import EmgFile, EmgFileOptions
-from tega.errors import RecordingError
+from tega.errors import MissingExtraError, RecordingError
 from tega.loop import run_session
 from tega.records import HeardMarker, Intent
 from tega.records.bus import Bus
+from tega.runtime.files.formats import OTHERS as OTHER_FORMATS
 from tega.runtime.files.signals import Signals, read_signals
 from tega.runtime.files.tables.table import Reading
+from tega.runtime.files.tables.timing import lost_by_counter
 
 RATE_HZ = 250.0
 N = 1500
@@ -363,3 +366,26 @@ def test_text_takes_little_more_memory_than_its_numbers(write: Write) -> None:
     tracemalloc.stop()
     # Two MiB of text are lines at a time, whatever the file's size: that is the rest.
     assert peak < 2 * found.samples.nbytes + 16 * 2**20
+
+
+def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path: Path) -> None:
+    for ending, (name, route) in OTHER_FORMATS.items():
+        path = tmp_path / f"a{ending}"
+        path.write_bytes(b"\x01\x02\x03")
+        with pytest.raises(RecordingError) as caught:
+            read_signals(path)
+        assert caught.value.message == f"a{ending}: {name} is not read as EMG"
+        assert caught.value.hint == route
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    (tmp_path / "a.h5").write_bytes(b"\x89HDF\r\n\x1a\n")
+    with pytest.raises(MissingExtraError, match=r"needs the package 'h5py'.*pip install 'tega\[formats\]'"):
+        read_signals(tmp_path / "a.h5")
+
+
+def test_a_counter_of_damaged_numbers_proves_no_loss() -> None:
+    counter = np.arange(200.0)
+    counter[120] = 1e300
+    assert lost_by_counter(counter) == []

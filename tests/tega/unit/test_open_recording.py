@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import shutil
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -18,15 +17,13 @@ from mcap.reader import make_reader
 
 import tega
 from reference.sessions import record
-from tega.errors import MissingExtraError, RecordingError, TegaError
+from tega.errors import MissingExtraError, RecordingError
 from tega.recording import mcap_index, mcap_reader, topics
 from tega.recording.export import export_file
-from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import Plan, RawMessage
 from tega.recording.mcap_schemas import decoder
 from tega.recording.opened import PictureTopic
 from tega.recording.record_columns import channel_columns, find_kind
-from tega.records.types import record_types
 
 CONTACT = "/tactile/thumb/contact"
 
@@ -233,15 +230,6 @@ def test_a_missing_package_is_named(
     assert package in str(reported.value)
 
 
-def test_every_topic_has_its_record_type() -> None:
-    for one in record_types():
-        schema = one.schema if one.schema.startswith("foxglove.") else f"tega.{one.schema or one.__name__}"
-        topic = one.topic.replace("{", "").replace("}", "").replace("/image", "/frame")
-        found = find_kind(topic, schema)
-        assert found is not None, one
-        assert found[0].topic == one.topic
-
-
 def test_an_unknown_topic_has_the_message_s_fields(lossless: Path) -> None:
     """A topic of a feature that is not installed."""
     assert find_kind("/elsewhere", "tega.Contact") is None
@@ -264,28 +252,6 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
         tega.open_recording()
 
 
-@settings(max_examples=12, deadline=None)
-@given(places=st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), min_size=1, max_size=4))
-def test_a_damaged_file_is_read_or_refused(
-    short: Path, tmp_path_factory: pytest.TempPathFactory, places: list[tuple[float, int]]
-) -> None:
-    data = bytearray(short.read_bytes())
-    for share, value in places:
-        data[min(int(share * len(data)), len(data) - 1)] = value
-    path = tmp_path_factory.mktemp("damaged") / "trial-001.mcap"
-    path.write_bytes(data)
-    try:
-        recording = tega.open_recording(path)
-        repr(recording)
-        for name, topic in recording.items():
-            if name.endswith(("/contact", "/samples", "/state")):
-                topic.to_numpy()
-            elif name.endswith("/image") and len(topic):
-                topic[len(topic) // 2]
-    except TegaError:
-        return
-
-
 def test_hostile_names_are_escaped(short: Path, tmp_path: Path) -> None:
     target = tmp_path / "<script>x.mcap"
     target.write_bytes(short.read_bytes())
@@ -293,17 +259,6 @@ def test_hostile_names_are_escaped(short: Path, tmp_path: Path) -> None:
     assert "<script>" not in html
     assert "&lt;script&gt;" in html
     assert CONTACT in html
-
-
-def test_a_folder_s_unfinished_file_is_finished_first(lossless: Path, tmp_path: Path) -> None:
-    (tmp_path / "session").mkdir()
-    shutil.copy(lossless, tmp_path / "session")
-    left = tmp_path / "session" / "trial-002.mcap.part"
-    left.write_bytes(lossless.read_bytes()[:-4000])
-    recording = tega.open_recording(tmp_path / "session")
-    assert [file.name for file in recording.files] == ["trial-001.mcap", "trial-002.mcap"]
-    assert len(recording[CONTACT]) == 180
-    assert SessionFolder(tmp_path / "session").index()["trials"][-1]["state"] == "recovered"
 
 
 def test_an_export_and_the_topics_name_their_columns_alike(lossless: Path, tmp_path: Path) -> None:

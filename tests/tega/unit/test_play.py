@@ -21,8 +21,7 @@ from msgspec.structs import replace
 from reference.command import call
 from reference.parts import observed
 from reference.processes import until
-from reference.sessions import read_recorded
-from reference.sessions import tree as sessions_tree
+from reference.sessions import read_recorded, record_with_arm
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
@@ -32,7 +31,7 @@ from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
 from tega.recording.replay.play import LEAD_S, _settings, play_file
 from tega.recording.replay.playhead import Playhead
-from tega.records import ArmTurn, Contact, HandCommand, HeardMarker, Marker, PoseNumbers, VestFrame
+from tega.records import HandCommand, Marker, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.features import Feature
 from tega.runtime.files.toml_text import tree_text
@@ -291,33 +290,8 @@ def test_a_motor_that_is_identified_counts_to_the_day_too(
     assert sum(run["dose_s"]) == pytest.approx(run["dose_s"][3])
 
 
-def _with_arm_and_markers(folder: Path) -> Path:
-    """Record a run beside which an arm is led, and two moments are marked."""
-    bus = Bus()
-    reported: list[int] = []
-
-    def observe(contact: Contact) -> None:
-        t_ns = contact.taken_ns
-        x_m = 0.5 + 0.1 * t_ns / 1e9
-        measured = PoseNumbers(t_ns, (x_m, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0))
-        turn = ArmTurn(
-            t_ns=t_ns, poses=(), clutch=True, dead_man=True, may_move=True, measured=(measured,), stopped="",
-            cleared=False, state="following", reason="the arm follows the forearm", holds=1,
-            target=(x_m, 0.0, 0.31, 0.0, 0.0, 0.0, 1.0), velocity=(0.0,) * 6, phase="following",
-        )  # fmt: skip
-        bus.publish(turn)
-        if not reported:
-            bus.publish(Marker(t_ns=200_000_000, text="lift", source="marker"))
-            bus.publish(HeardMarker(t_ns=800_000_000, text="put down", source="another program"))
-        reported.append(t_ns)
-
-    bus.subscribe(Contact, observe)
-    summary = run_session(checked(sessions_tree(folder)), bus=bus)
-    return folder / str(summary["recording"]["file"])
-
-
 def test_the_recorded_arm_and_the_markers_are_seen_again_and_no_arm_is_moved(tmp_path: Path) -> None:
-    recording = _with_arm_and_markers(tmp_path / "session")
+    recording = record_with_arm(tmp_path / "session")
     for from_s, expected in ((0.0, ["lift", "put down"]), (0.5, ["put down"])):
         bus, marked, views = Bus(), list[Marker](), list[LoopView]()
         bus.subscribe(Marker, marked.append)

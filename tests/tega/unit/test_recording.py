@@ -20,7 +20,6 @@ from reference.parts import observed
 from reference.played import finger, muscles
 from reference.sessions import tree
 from tega.config import check_tree
-from tega.config.attached import config_text
 from tega.config.choose import preset_metric
 from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
@@ -30,7 +29,7 @@ from tega.recording.inspection import inspect_file
 from tega.recording.mcap_reader import McapReader
 from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.replay import replay_file
-from tega.records import BusFrame, Contact, HandCommand, Intent, VestFrame
+from tega.records import BusFrame, Contact, HandCommand, Intent
 from tega.records.table import columns, numbers, rows
 from tega.runtime.files.csv_tables import time_text
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -62,11 +61,6 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
     assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
     assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
     assert (found["ended"], found["complete"]) == ("complete", True)
-
-
-def test_settings_survive_being_written_down(tmp_path: Path) -> None:
-    config = check_tree(tree(tmp_path), {}, base=tmp_path).config
-    assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 
 @pytest.mark.slow
@@ -118,13 +112,6 @@ def test_a_file_with_a_damaged_end_is_called_cut_unless_nothing_of_mcap_is_in_it
         assert list(reader.messages()) == []
         assert reader.cut == "InvalidMagic"
     assert ("tega" in reader.metadata) == metadata
-
-
-def test_a_table_has_the_columns_of_its_record() -> None:
-    assert columns(Contact) == Contact.table
-    assert columns(Intent, channels=("ch3", "ch6")) == ("t_s", "ch3", "ch6", "fused", "closure", "confidence")
-    assert columns(VestFrame, intensities=("m0", "m4")) == ("t_s", "m0", "m4")
-    assert columns(HandCommand) == ("t_s", "id", "data")
 
 
 def test_a_row_has_as_many_cells_as_its_table_has_columns() -> None:

@@ -140,10 +140,7 @@ def test_other_settings_say_what_differs(
 def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
     tmp_path: Path, preset: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    session = tree(tmp_path / "jpeg", lossless=False)
-    session["session"]["preset"] = preset
-    summary = run_session(check_tree(session, {}, base=tmp_path).config)
-    path = tmp_path / "jpeg" / str(summary["recording"]["file"])
+    path = record(tmp_path / "jpeg", preset=preset, lossless=False)
     replay = replay_file(path)
     assert replay.same
     assert not replay.lossless

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -130,17 +129,3 @@ def test_every_file_of_a_run_holds_the_values_that_its_metric_gave(heavy: Ran) -
     with (heavy.file.parents[1] / "out" / "contacts.csv").open(encoding="utf-8") as file:
         table = list(csv.DictReader(file))
     assert [float(row["force_n"]) for row in table] == [one.force_n for one in heavy.contacts]
-
-
-def test_a_data_set_of_a_run_has_area_depth_and_force(heavy: Ran, tmp_path: Path) -> None:
-    parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
-    pytest.importorskip("av", reason="needs the extra tega[lerobot]")
-    from tega_lerobot.dataset import export_lerobot
-
-    folder = export_lerobot([heavy.file], tmp_path / "set", fps=25, task="hold")
-    features = json.loads((folder / "meta" / "info.json").read_text())["features"]
-    names = ["thumb.area_mm2", "thumb.depth_mm", "thumb.force_n"]
-    assert features["observation.touch_si"]["names"] == names
-    rows = parquet.read_table(folder / "data/chunk-000/file-000.parquet").to_pylist()
-    forces = {row["observation.touch"][2]: row["observation.touch_si"] for row in rows}
-    assert forces == {0.0: [12.5, 0.5, 0.0], 1.0: [12.5, 0.5, 9.0]}
