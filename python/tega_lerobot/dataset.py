@@ -237,7 +237,6 @@ class _Dataset:
         return features | {name: {"dtype": kind, **counters} for name, kind in _COUNTERS.items()}
 
     def _write(self, rows: Mapping[str, NDArray[Any]]) -> dict[str, int]:
-        """Append an episode's rows to the data file, and return which."""
         path = self._folder / DATA.format(**self._place.numbers())
         if self._writer is not None and path.stat().st_size > _DATA_MB * 2**20:
             self._writer.close()

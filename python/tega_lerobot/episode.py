@@ -48,8 +48,6 @@ class Episode(NamedTuple):
         shapes: Height and width of the pictures, by finger.
         displayed: By finger, how many frames show each of its pictures, in the order of the file.
         markers: Marked moments, in the order of their times.
-        tables: The recording's metadata.
-        progress: Called as the pictures are read.
     """
 
     path: Path

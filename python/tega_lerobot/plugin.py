@@ -132,8 +132,7 @@ class TegaRobotConfig(RobotConfig):
         person: Person with the calibration to use.
         observe: Features of the export, without ``observation.``, of which LeRobot's state consists.
         emg_channels: Channels of the EMG, where the driver knows them only when it is open.
-        height: Height of the observed pictures, pixels.
-        width: Width of the observed pictures, pixels.
+        width: Width of the observed pictures, pixels; ``height`` likewise.
     """
 
     settings: Path
@@ -231,7 +230,6 @@ class TegaTeleoperatorConfig(TeleoperatorConfig):
 
     Attributes:
         settings: TEGA's settings file; where the robot has the same one, both share its session.
-        sets: Settings to override.
         person: Person with the calibration to use.
     """
 

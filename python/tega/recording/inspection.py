@@ -78,7 +78,6 @@ class Inspection(msgspec.Struct, frozen=True):
         start: Time of day at the start of the session, nanoseconds since 1970.
         duration_s: From there to the newest stamp.
         ended: Way in which the run ended; ``""`` if it was not recorded.
-        config_sha256: Checksum of the settings' text.
         versions: Versions of the recording itself, and of everything the results may depend on.
         sources: Names of the inputs, as their drivers report them.
         absent: Features that it was recorded with and that are not installed here, a sentence each.
@@ -156,8 +155,6 @@ def inspect_file(path: Path) -> Inspection:
 
 
 class _Messages:
-    """Collects facts from the messages: topics, stages, drops, markers, states."""
-
     def __init__(self) -> None:
         self.topics: dict[str, _Topic] = {}
         self.stages: dict[str, list[int]] = defaultdict(list)

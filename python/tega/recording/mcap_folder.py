@@ -39,7 +39,6 @@ class Recovered(NamedTuple):
     """Result of recovering an unfinished file.
 
     Attributes:
-        path: The finished one.
         end_ns: Log time of the newest message, nanoseconds since 1970; 0 when there is none.
         problem: Reason why the rest cannot be read.
     """

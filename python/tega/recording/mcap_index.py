@@ -248,7 +248,6 @@ class IndexedReader(McapReader):
         return np.concatenate(found) if found else None
 
     def _read_chunk(self, begins: int) -> dict[str, list[Any]]:
-        """Return the messages of a part of the file, by topic."""
         found: dict[str, list[Any]] = defaultdict(list)
         for one in self._records_of(begins):
             found[self._channels[one.channel_id].topic].append(one)

@@ -162,7 +162,6 @@ class RecordChannels:
 
 
 def _frame_topic(picture: Picture) -> str:
-    """Return the topic of a picture's number and exact times."""
     return f"{picture.where.rpartition('/')[0]}/frame"
 
 

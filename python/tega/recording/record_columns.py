@@ -21,7 +21,7 @@ from tega.hand import JOINT_NAMES
 from tega.haptics.motor_layout import find_layout
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.mcap_schemas import PACKAGE
-from tega.records import HandExchange, Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
+from tega.records import Joints, LogLine, Picture, PoseRecord, Record, TrackerAxes
 from tega.records.base import VideoPacket
 from tega.records.schema import MessageField, fields, own_schema, read, schema_name, values
 from tega.records.types import record_types
@@ -262,8 +262,3 @@ def _numbers(column: NDArray[Any]) -> NDArray[Any]:
     if column.dtype != object or any(isinstance(value, (str, bytes, tuple, list, dict)) for value in column):
         return column
     return np.array([np.nan if value is None else value for value in column], np.float64)
-
-
-def machine_clock(kind: type[Record] | None) -> bool:
-    """Return whether a record's time is on the machine's monotonic clock, not the session's."""
-    return kind is HandExchange

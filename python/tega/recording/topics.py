@@ -19,12 +19,11 @@ from tega.recording.record_columns import (
     channel_columns,
     column_names,
     find_kind,
-    machine_clock,
     record_of,
     row_of,
     units_of,
 )
-from tega.records import EmgSamples, Record
+from tega.records import EmgSamples, HandExchange, Record
 from tega.runtime.lifecycle import require
 
 NEVER_NS: Final = 2**63 - 1
@@ -166,7 +165,8 @@ class Topic(Sequence[Any]):
         if self.kind is None:
             row = {name: cells[0] for name, cells in message_columns([message.value]).items()}
         else:
-            shift_ns = file.shift_ns - (file.start_ns if machine_clock(self.kind) else 0)
+            # An exchange with a hand is stamped with the machine's monotonic clock, not the session's.
+            shift_ns = file.shift_ns - (file.start_ns if self.kind is HandExchange else 0)
             row = row_of(self._read(file, message), shift_ns=shift_ns, channels=file.channels)
         first = {"t_s": row.pop("t_s")} if "t_s" in row else {}
         first |= {"log_s": (message.log_ns - file.zero_ns + file.shift_ns) / 1e9}

@@ -64,7 +64,6 @@ class _Check:
     """First pass over a recording: finds the records that belong to the span.
 
     Attributes:
-        tables: Metadata of the head.
         origin: Name and content of the table with the new file's origin.
         felt: Frames by finger and stamp that had their contact received within the span.
         lead_in: A separate file with the records from before the span; empty if there are none, or if the
@@ -120,7 +119,6 @@ class _Check:
 
 
 def _copy(source: Path, check: _Check, new: McapCopy, *, lead_in: bytes) -> None:
-    """Read again, and copy the records of the span."""
     begun = False
     pictures: dict[str, McapItem] = {}
     with open_recording(source) as file:

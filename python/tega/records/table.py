@@ -65,7 +65,6 @@ def _placed(record: Record, name: str) -> Sequence[str]:
 
 
 def _frame(frame: Any) -> tuple[str, str]:
-    """Return a CAN frame as its identifier and its bytes, ``R`` for one that asks."""
     return f"{frame.id:03X}", "R" if frame.remote else frame.data.hex().upper()
 
 

@@ -46,8 +46,6 @@ class Difference(msgspec.Struct, frozen=True):
     """One place where two courses differ.
 
     Attributes:
-        t_s: Time since the start of the session, seconds.
-        field: Name of the field that differs.
         recorded: Its value in the recording, as text; ``absent`` where only the replay has it.
         replayed: Its value in the replay, as text; ``absent`` if only the recording has it.
     """
@@ -62,13 +60,9 @@ class Comparison(msgspec.Struct):
     """One stream compared.
 
     Attributes:
-        stream: Its topic.
-        recorded: Rows in the recording.
-        replayed: Rows in the replay.
         differ: Rows that differ or are in one of them only.
         fields: Number of differing rows, by field.
         last_t_s: Time of the last row that differs; ``None`` where none does.
-        first: The first differences.
         as_recorded: Why its records were taken as recorded; empty where they were computed.
     """
 
@@ -166,7 +160,6 @@ class Compared:
 
 @cache
 def _compared_fields(kind: type[Record], left_out: frozenset[str]) -> Callable[[Any], tuple[Any, ...]]:
-    """Return what reads the fields of a record that are compared, its type and its time."""
     return attrgetter("__class__", "t_ns", *(name for name in kind.__struct_fields__ if name not in left_out))
 
 

@@ -66,7 +66,6 @@ class RecordFeed:
     """Reads a recording once, in the order of its times; only types with a subscriber are decoded.
 
     Attributes:
-        reader: Reads the file; for further passes.
         head: Facts that are known before the first message; a file cut off before its head is refused.
         bus: Every record is published here as it was recorded; subscribe before reading begins.
         ahead: Functions called with every picture, in another thread unless only its cells are needed, those of
@@ -78,7 +77,6 @@ class RecordFeed:
         last_tick_ns: Newest tick of any record so far.
         newest_ns: Time of the newest message so far that somebody wants, since the start of the session; of any
             message once all of a whole file has been read.
-        ended: Whether everything has been read.
     """
 
     def __init__(self, path: Path, *, progress: Progress | None = None) -> None:

@@ -132,7 +132,6 @@ class FollowedFile:
             self._read_ns, self._waiting = -NEVER_NS, []
 
     def _read(self) -> None:
-        """Read the next message, or find that there is none."""
         try:
             found = next(self._messages, None)
         except TegaError as error:  # the file is there no more

@@ -31,9 +31,7 @@ class Head(msgspec.Struct, frozen=True):
         config: The settings to compute it with, without devices: those of the run unless changed.
         tree: Settings as in the file, with the devices.
         calibration: Maxima to compute it with.
-        arm: Settings of the arm's chain.
         baselines: Untouched pictures, by finger, uint8 (H, W, 3).
-        sources: Descriptions of the inputs.
         facts: Format, times, and the parts that were live.
         files: All attachments; those that options of stages name are used in their place.
         versions: Version of every record that it may hold; empty in recordings of the first version.

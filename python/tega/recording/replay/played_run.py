@@ -216,7 +216,6 @@ class PlayedRun(Part):
 
 
 def _topics(feed: RecordFeed, bus: Bus, players: Sequence[Player]) -> dict[str, Follower]:
-    """Return the follower of each topic of the recording that a subscriber wants."""
     head, topics = feed.head, dict[str, Follower]()
     if bus.wants(MeasuredPicture):
         for finger in head.baselines:

@@ -50,7 +50,6 @@ class Replay(msgspec.Struct, frozen=True):
     """Findings of a replay.
 
     Attributes:
-        file: The recording.
         lossless: Whether the pictures are as they were.
         complete: Whether the recording was finished by the run that made it.
         changed: Settings that differ from the run's own, in words.

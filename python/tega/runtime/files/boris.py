@@ -63,9 +63,7 @@ def boris_project(
                 "type": "State event" if one.is_state else "Point event",
                 "key": one.key,
                 "code": one.code,
-                "description": "",
-                "color": "",
-                "category": "",
+                **dict.fromkeys(("description", "color", "category"), ""),
                 "modifiers": {
                     str(k): {
                         "name": sentence,
@@ -76,8 +74,7 @@ def boris_project(
                     }
                     for k, (sentence, values) in enumerate(one.modifiers.items())
                 },
-                "excluded": "",
-                "coding map": "",
+                **dict.fromkeys(("excluded", "coding map"), ""),
             }
             for n, one in enumerate(behaviours)
         },
@@ -210,18 +207,10 @@ def _chosen(modifiers: Sequence[str]) -> tuple[str, ...]:
 
 
 def _table(path: Path) -> dict[str, list[CodedEvent]]:
-    try:
-        rows, head = read_rows(path, {"Behavior", "Time"}, most_mib=_MOST_MIB, hint=_EXPORT)
-        begins = "Time"
-    except RecordingError as error:
-        try:
-            rows, head = read_rows(
-                path, {"Behavior", "Start (s)", "Stop (s)"}, most_mib=_MOST_MIB, hint=_EXPORT
-            )
-        except RecordingError:
-            raise error from None
-        begins = "Start (s)"
+    needed = ({"Behavior", "Time"}, {"Behavior", "Start (s)", "Stop (s)"})
+    rows, head = read_rows(path, *needed, most_mib=_MOST_MIB, hint=_EXPORT)
     names = rows[head]
+    begins = "Time" if "Time" in names else "Start (s)"
     before = {row[0]: row[1] for row in rows[:head] if len(row) > 1}
     if "Observation id" not in names and "Observation id" not in before:
         raise RecordingError(f"{path.name}: has no column Observation id", _EXPORT)

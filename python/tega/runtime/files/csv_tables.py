@@ -10,7 +10,7 @@ import csv
 import io
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -86,12 +86,11 @@ class CsvWriter:
             self._file.close()
 
 
-def read_rows(
-    path: Path, needed: Collection[str], *, most_mib: int, hint: str
-) -> tuple[list[list[str]], int]:
-    """Return the rows of a table, and the number of the row that names the columns, ``needed`` among them.
+def read_rows(path: Path, *needed: set[str], most_mib: int, hint: str) -> tuple[list[list[str]], int]:
+    """Return the rows of a table, and the number of the row that names the columns, one of ``needed`` among them.
 
-    The delimiter is the one that separates these. Without such a row, ``RecordingError`` with ``hint``.
+    The delimiter is the one that separates these. Without such a row, ``RecordingError`` with ``hint`` names what
+    is missing of the first.
     """
     try:
         data = read_foreign(path, most_mib=most_mib)
@@ -114,10 +113,10 @@ def read_rows(
         except csv.Error as error:
             raise RecordingError(f"{path.name}: is no table of text: {error}", hint) from error
         for number, row in enumerate(rows[:_PREAMBLE_ROWS]):
-            if set(needed) <= set(row):
+            if any(one <= set(row) for one in needed):
                 return rows, number
-            best = max(best, set(needed) & set(row), key=len)
-    missing = ", ".join(sorted(set(needed) - best))
+            best = max(best, needed[0] & set(row), key=len)
+    missing = ", ".join(sorted(needed[0] - best))
     raise RecordingError(f"{path.name}: has no column {missing}", hint)
 
 

@@ -113,7 +113,6 @@ class PictureStack:
         return found
 
     def _open(self, name: str) -> tuple[IO[bytes], _Member]:
-        """Open an array's file behind its header."""
         file = self._path.open("rb") if self._archive is None else self._archive.open(name)
         try:
             shape, by_columns, dtype = npy_header(file)
@@ -224,7 +223,6 @@ def _n_whole_digits(number: str) -> int:
 
 
 def _are_decimals(stems: Sequence[str]) -> bool:
-    """Return whether numbers with a point are decimal fractions."""
     numbers = [one[0] for stem in stems for one in _DECIMAL.findall(stem)]
     fractions = [part[1] for one in numbers if len(part := re.split("[.,]", one)) > 1]
     several = len({len(fraction) for fraction in fractions}) > 1

@@ -41,8 +41,6 @@ class VideoFacts(NamedTuple):
     """Facts of a video, from its header and its packets.
 
     Attributes:
-        codec: Name of the codec, such as ``av1``.
-        n_frames: Number of frames in the file.
         n_stated: Number of frames by the header; ``None`` if it states none.
         rate_hz: Frames per second; the mean where the rate is variable.
         longest_s: Longest distance between two frames, seconds.

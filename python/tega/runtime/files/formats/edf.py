@@ -83,7 +83,6 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
 
 
 def _layout(path: Path) -> _Layout:
-    """Read as much of the header as states how long it and a record are."""
     with path.open("rb") as file:
         fixed = file.read(256)
         try:

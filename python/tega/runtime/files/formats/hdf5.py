@@ -145,7 +145,6 @@ def open_mat(path: Path, reading: Reading) -> Table:
 
 
 def _scalars(io: Any, path: Path) -> dict[str, Any]:
-    """Return the single numbers of a file, among which the rate may be."""
     try:
         names = [name for name, shape, _ in io.whosmat(path) if int(np.prod(shape)) == 1]
         return _flat(io.loadmat(path, variable_names=names)) if names else {}

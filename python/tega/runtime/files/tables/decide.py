@@ -22,13 +22,11 @@ class Decision(msgspec.Struct, kw_only=True):
     """Way in which a file was read.
 
     Attributes:
-        file: Base name of the file.
         channels: Columns that are read as channels, from 1.
         unit: Unit of the channels; ``""`` if the file does not state it, or several.
         time: Column of the time, from 1; 0 if there is none.
         counter: Column of a counter that shows losses, from 1; 0 if there is none.
         facts: Encoding, delimiter, decimal sign and the first row's line, of a text table.
-        sideways: Whether each row was a channel.
         rate_hz: Samples per second that are used; ``None`` if unknown.
         n_samples: Samples of a channel.
         faults: Findings of the comparison of time and rate.

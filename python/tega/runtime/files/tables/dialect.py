@@ -44,7 +44,6 @@ class Dialect(NamedTuple):
     Attributes:
         delimiter: Between two cells; ``None`` for spaces and tabs, ``""`` for a table of one column.
         decimal: ``.`` or ``,``.
-        quoted: Whether cells stand in quotes.
         joined: First halves of numbers that the comma between their digits cuts in two, as pieces from 0.
     """
 

@@ -41,7 +41,6 @@ class Header(NamedTuple):
         width: Cells of a row as it stands in the file.
         n_columns: Columns without an empty one behind a last delimiter.
         names: Names of the columns, ``""`` for one without; empty if the table has none.
-        numeric: Whether each column holds numbers.
         clock: Whether each column holds dates or times of day.
     """
 

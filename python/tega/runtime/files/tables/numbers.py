@@ -83,9 +83,7 @@ class RowParser:
         elif not quoted and any(line.count(dialect.delimiter) != self._width - 1 for line in text):
             raise ValueError
         if dialect.decimal == ",":
-            if any("." in line for line in text):
-                raise ValueError
-            if dialect.delimiter == ",":
+            if dialect.delimiter == "," or any("." in line for line in text):
                 raise ValueError
             text = [line.replace(",", ".") for line in text]
         return np.loadtxt(

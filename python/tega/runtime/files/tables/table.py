@@ -82,13 +82,10 @@ class Table:
     """A file of samples, opened and judged; its samples are read by :meth:`load`.
 
     Attributes:
-        file: Base name of the file.
-        blocks: Reads columns in blocks of rows.
         facts: Encoding, delimiter and the like, by name.
         rate_hz: Samples per second as the file states them, at the place ``rate_from``.
         times_s: Time of each row in seconds, where the format has a clock of its own.
         notes: Facts that a reader of the results must know.
-        sideways: Whether rows were channels.
     """
 
     file: str

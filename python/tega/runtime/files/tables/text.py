@@ -66,16 +66,13 @@ def open_text(path: Path, reading: Reading) -> Table:
 
 
 def _facts(header: Header, dialect: Dialect, encoding: Encoding) -> dict[str, str]:
+    numbers = all(name.isdigit() or not name for name in header.names)
     return {
         "encoding": encoding.displayed,
         "delimiter": dialect.name,
         "decimal": "comma" if dialect.decimal == "," else "point",
         "first_line": str(header.first + 1),
-        "names": ""
-        if not header.names
-        else "numbers"
-        if all(n.isdigit() or not n for n in header.names)
-        else "words",
+        "names": "" if not header.names else "numbers" if numbers else "words",
     }
 
 

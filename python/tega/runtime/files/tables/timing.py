@@ -216,7 +216,6 @@ def _jumps(
 def _even_step(
     times_s: NDArray[np.float64], step_s: float, rises: list[tuple[int, float]], back: list[tuple[int, float]]
 ) -> float:
-    """Return the step of the longest stretch without a jump, if it is long enough."""
     edges = np.array([0, *sorted(row for row, _ in (*rises, *back)), len(times_s)])
     longest = int(np.diff(edges).argmax())
     part = times_s[edges[longest] : edges[longest + 1]]
