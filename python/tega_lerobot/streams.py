@@ -175,9 +175,10 @@ def columns_of(
         topic for topic in sorted(streams) if topic.startswith("/tactile/") and topic.endswith("/image")
     ]
     if images:
-        ages_s = [_age_s(streams[topic], grid_ns) for topic in images]
+        times = {topic: np.array(streams[topic].times, np.int64) for topic in images}
+        ages_s = [(grid_ns - times[topic][streams[topic].newest(grid_ns)]) / _S for topic in images]
         columns["observation.image_age"] = Column(
-            np.stack(ages_s, axis=1), [f"{topic.split('/')[2]}.s" for topic in images]
+            np.stack(ages_s, axis=1).astype(np.float32), [f"{topic.split('/')[2]}.s" for topic in images]
         )
     if samples is not None and (window := samples.column(grid_ns)) is not None:
         columns["observation.emg"] = window
@@ -210,11 +211,6 @@ def _targets(target: Stream | None, arm: Stream, grid_ns: NDArray[np.int64]) -> 
     known = target.newest(grid_ns) >= 0
     where[known] = target.at(grid_ns[known])
     return where
-
-
-def _age_s(stream: Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-    times = np.array(stream.times, np.int64)
-    return ((grid_ns - times[stream.newest(grid_ns)]) / _S).astype(np.float32)
 
 
 def _numbered(name: str, n: int) -> list[str]:

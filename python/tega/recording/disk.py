@@ -143,7 +143,9 @@ class RecordingDisk:
                 piece, n_bytes = self._pieces.popleft()
             if self.error is None:
                 try:
-                    _write(self._raw, piece.read_bytes() if isinstance(piece, Path) else piece)
+                    left = memoryview(piece.read_bytes() if isinstance(piece, Path) else piece)
+                    while left:
+                        left = left[self._raw.write(left) :]
                 except OSError as error:
                     self.error = error
                     self._forget()
@@ -207,9 +209,3 @@ def _abandoned(folder: Path) -> bool:
     """Whether the program that filled a folder is gone."""
     with (folder / _OWNER).open("rb") as file:
         return lock_file(file, folder / _OWNER)
-
-
-def _write(raw: BinaryIO, data: bytes) -> None:
-    left = memoryview(data)
-    while left:
-        left = left[raw.write(left) :]

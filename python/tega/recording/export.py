@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from functools import cache, partial
+from functools import cache
 from itertools import groupby
 from operator import attrgetter, methodcaller
 from pathlib import Path
@@ -247,20 +247,12 @@ def _shape_parts(descriptor: Any) -> list[Callable[[Any], Any]]:
         if _optional(field):
             parts.append(methodcaller("HasField", field.name))
         elif part in {"NamedValue", "JointState"}:
-            parts.append(partial(_names, field.name))
+            parts.append(lambda value, name=field.name: tuple([one.name for one in getattr(value, name)]))
         elif field.is_repeated and part is None and descriptor.full_name != "tega.EmgSamples":
-            parts.append(partial(_count, field.name))
+            parts.append(lambda value, name=field.name: len(getattr(value, name)))
         elif field.name in {"layout", "n_channels"}:
             parts.append(attrgetter(field.name))
     return parts
-
-
-def _names(field: str, value: Any) -> tuple[str, ...]:
-    return tuple([one.name for one in getattr(value, field)])
-
-
-def _count(field: str, value: Any) -> int:
-    return len(getattr(value, field))
 
 
 def _optional(field: Any) -> bool:

@@ -7,7 +7,7 @@ import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -153,8 +153,11 @@ class SessionFolder:
     def _recover_one(self, part: Path) -> list[Recovered]:
         """Finish one file; returns an empty list if it is still being written."""
         with part.open("rb") as file:
-            if not _lock_soon(file, part):
-                return []
+            end_s = time.monotonic() + _LEAVES_S
+            while not lock_file(file, part):  # the recorder's process of a killed run leaves it soon
+                if time.monotonic() >= end_s:
+                    return []
+                time.sleep(_TRIES_S)
             take_tail(part)
         recovered = recover_file(part, part.with_suffix(""))
         part.unlink()
@@ -162,14 +165,6 @@ class SessionFolder:
         with contextlib.suppress(RecordingError):  # a damaged index keeps no recording from being finished
             self.note(recovered.path.name, facts)
         return [recovered]
-
-
-def _lock_soon(file: IO[bytes], path: Path) -> bool:
-    """Mark a file as being written, once the recorder's process of a killed run has left it; whether that came."""
-    end_s = time.monotonic() + _LEAVES_S
-    while not (is_ours := lock_file(file, path)) and time.monotonic() < end_s:
-        time.sleep(_TRIES_S)
-    return is_ours
 
 
 def _index(folder: Path) -> dict[str, Any]:

@@ -297,7 +297,11 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
         # The loop once left frames out that the vest showed already: a frame sent then was made at that time.
         SentFrame: Rule(lambda _: {"sent": True}, listed=True, shared=head.facts.get("sent") != "every"),
         # The frames of a hand that closes its own loop are compared by its exchanges.
-        HandCommand: Rule(_command_values, frozenset({"t_ns", *steered}), listed=True),
+        HandCommand: Rule(
+            lambda one: {"level": joined_level(one.level, one.closure), "frames": frames_text(one.frames)},
+            frozenset({"t_ns", *steered}),
+            listed=True,
+        ),
         records.ReflexGrip: Rule(values),
         records.Adaptation: Rule(values),
         BesideContact: Rule(values, shared=True),
@@ -311,11 +315,6 @@ def _rules(head: Head) -> dict[type[Record], Rule]:
     # A real vest was worn; it was sent changes only.
     left_out += [] if head.facts["live_vest"] == "true" else [SentFrame]
     return {kind: rule for kind, rule in rules.items() if kind not in left_out}
-
-
-def _command_values(command: HandCommand) -> dict[str, Any]:
-    level = joined_level(command.level, command.closure)
-    return {"level": level, "frames": frames_text(command.frames)}
 
 
 def _turn_values(turn: records.ArmTurn) -> dict[str, Any]:

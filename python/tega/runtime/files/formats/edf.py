@@ -11,6 +11,7 @@ import warnings
 import wave
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,7 +23,6 @@ from tega.runtime.files.foreign_file import read_foreign
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
-    Blocks,
     FileEvent,
     Reading,
     Table,
@@ -69,7 +69,8 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
         if rate != rate_hz and column.holds in {"unknown", "channel"}:
             column.holds, column.why = "sensor", "values"
     is_bdf = layout.sample_bytes == 3
-    table = Table(path.name, "BDF" if is_bdf else "EDF", columns, _by_records(edfio, path, layout, rates))
+    blocks = partial(_by_records, edfio, path, layout, rates)
+    table = Table(path.name, "BDF" if is_bdf else "EDF", columns, blocks)
     table.rate_hz, table.rate_from = rate_hz or None, "its header"
     onsets, table.events = _marks(edfio, path, layout)
     n_row = round(rate_hz * layout.record_s)
@@ -118,20 +119,19 @@ def _parts(edfio: Any, path: Path, layout: _Layout) -> Iterator[Any]:
                 yield read(io.BytesIO(head + file.read(n * layout.record_bytes)), header_encoding="latin-1")
 
 
-def _by_records(edfio: Any, path: Path, layout: _Layout, rates: list[float]) -> Blocks:
-    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
-        if len({rates[k] for k in columns}) > 1:
-            raise RecordingError(
-                f"{path.name}: its channels {', '.join(str(k + 1) for k in columns)} have different rates",
-                "name channels of one rate",
-            )
-        for part in _parts(edfio, path, layout):
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
-                rows = np.column_stack([part.signals[k].data for k in columns])
-            yield rows
-
-    return blocks
+def _by_records(
+    edfio: Any, path: Path, layout: _Layout, rates: list[float], columns: Sequence[int]
+) -> Iterator[NDArray[np.float64]]:
+    if len({rates[k] for k in columns}) > 1:
+        raise RecordingError(
+            f"{path.name}: its channels {', '.join(str(k + 1) for k in columns)} have different rates",
+            "name channels of one rate",
+        )
+    for part in _parts(edfio, path, layout):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            rows = np.column_stack([part.signals[k].data for k in columns])
+        yield rows
 
 
 def _marks(edfio: Any, path: Path, layout: _Layout) -> tuple[NDArray[np.float64] | None, list[FileEvent]]:

@@ -22,7 +22,6 @@ from tega.runtime.files.formats.named import add_clock, as_array, check_size, op
 from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
-    Blocks,
     Reading,
     Table,
     in_one,
@@ -63,7 +62,8 @@ def open_hdf5(path: Path, reading: Reading, *, transposed: bool = False) -> Tabl
         if numbers and reading.rows != "channels" and dataset.shape[0] >= dataset.shape[1] > 0:
             check_size(dataset, path.name)
             head = np.asarray(dataset[:MOST_JUDGED], np.float64)
-            table = Table(path.name, name, judged_columns([], head), _by_rows(h5py, path, picked.name))
+            blocks = partial(_by_rows, h5py, path, picked.name)
+            table = Table(path.name, name, judged_columns([], head), blocks)
             n_rows = len(dataset)
         else:
             array = as_array(dataset, path.name)
@@ -102,14 +102,11 @@ def _datasets(h5py: Any, file: Any) -> dict[str, Any]:
     return found
 
 
-def _by_rows(h5py: Any, path: Path, name: str) -> Blocks:
-    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
-        with h5py.File(path, "r") as file:
-            dataset = file[name]
-            for at in range(0, len(dataset), _ROWS):
-                yield dataset[at : at + _ROWS][:, list(columns)]
-
-    return blocks
+def _by_rows(h5py: Any, path: Path, name: str, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+    with h5py.File(path, "r") as file:
+        dataset = file[name]
+        for at in range(0, len(dataset), _ROWS):
+            yield dataset[at : at + _ROWS][:, list(columns)]
 
 
 open_mat73 = partial(open_hdf5, transposed=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import zipfile
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +21,6 @@ from tega.runtime.files.tables.encoding import MOST_MIB
 from tega.runtime.files.tables.judging import judged
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
-    Blocks,
     Reading,
     Table,
     in_one,
@@ -203,18 +203,15 @@ def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as a
     for column, is_time in zip(columns, times, strict=True):
         if is_time:
             column.holds, column.unit, column.unix, column.why = "time", "s", "", "values"
-    return Table(path.name, "Parquet", columns, _by_batches(parquet, path))
+    return Table(path.name, "Parquet", columns, partial(_by_batches, parquet, path))
 
 
-def _by_batches(parquet: Any, path: Path) -> Blocks:
-    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
-        with parquet.ParquetFile(path) as file:
-            wanted = [file.schema_arrow.names[k] for k in columns]
-            for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
-                place = {name: k for k, name in enumerate(batch.schema.names)}
-                yield np.column_stack([_seconds_or_numbers(batch.column(place[name])) for name in wanted])
-
-    return blocks
+def _by_batches(parquet: Any, path: Path, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
+    with parquet.ParquetFile(path) as file:
+        wanted = [file.schema_arrow.names[k] for k in columns]
+        for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
+            place = {name: k for k, name in enumerate(batch.schema.names)}
+            yield np.column_stack([_seconds_or_numbers(batch.column(place[name])) for name in wanted])
 
 
 def _seconds_or_numbers(column: Any) -> NDArray[np.float64]:

@@ -169,10 +169,12 @@ def _above(  # noqa: PLR0917  # of one place in the file
     if not _has_numbers(shifted, numeric, dialect.decimal):
         upper = cells[above[-2]] if len(above) > 1 else []
         paired = len(upper) == len(head) and not _has_numbers(upper, numeric, dialect.decimal)
-        return (upper, head) if paired and _are_units(head) else ([_bare(cell) for cell in shifted], [])
+        bare = [cell.lstrip("#% ").strip().strip('"') for cell in shifted]
+        return (upper, head) if paired and _are_units(head) else (bare, [])
     if _are_ordinals(head):
         return head, []
-    if len(head) == width and not _is_key(head):
+    is_key = len(head) == 2 and re.match(r"[A-Za-z_ ]{3,}[:=]?$", head[0])  # and its value, as in a preamble
+    if len(head) == width and not is_key:
         raise RecordingError(
             f"{name}:{above[-1] + 1}: not a row of numbers: {displayed(lines[above[-1]])}",
             "fix or delete that line, or name the channels to read without its column",
@@ -197,10 +199,6 @@ def _listed(lines: Sequence[str], dialect: Dialect, width: int) -> tuple[list[st
     return None
 
 
-def _bare(cell: str) -> str:
-    return cell.lstrip("#% ").strip().strip('"')
-
-
 def _has_numbers(head: list[str], numeric: list[bool], decimal: str) -> bool:
     return any(is_wanted and is_number(cell, decimal) for cell, is_wanted in zip(head, numeric, strict=False))
 
@@ -208,11 +206,6 @@ def _has_numbers(head: list[str], numeric: list[bool], decimal: str) -> bool:
 def _are_units(head: list[str]) -> bool:
     bare = [cell.strip("[]() ").lower() for cell in head]
     return any(bare) and all(not cell or cell in _UNITS for cell in bare)
-
-
-def _is_key(head: list[str]) -> bool:
-    """Return whether a line is a word and its value, as in a preamble."""
-    return len(head) == 2 and re.match(r"[A-Za-z_ ]{3,}[:=]?$", head[0]) is not None
 
 
 def _are_ordinals(head: list[str]) -> bool:

@@ -186,9 +186,5 @@ _MOST_CHANNELS = 64
 
 def in_one(array: NDArray[Any]) -> Blocks:
     """Return a function that reads columns of an array, (n, columns), as one block."""
-
-    def blocks(columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
-        whole = list(columns) == list(range(array.shape[1]))
-        yield array if whole else array[:, list(columns)]
-
-    return blocks
+    every = list(range(array.shape[1]))
+    return lambda columns: iter([array if list(columns) == every else array[:, list(columns)]])

@@ -121,7 +121,7 @@ def compare(
     names the clock for messages, such as ``column "time"``. Times that contradict the rate, or jump too far
     to be a loss, are ``RecordingError``.
     """
-    times_s, faults = _unwrapped(_filled(times_s)), list[str]()
+    times_s, faults = _continued(times_s), list[str]()
     repeated = _repeated(times_s, samples)
     if len(repeated):
         faults.append(f"{len(repeated)} rows came twice, with their times; used once")
@@ -283,17 +283,11 @@ def _offsets(
     return knots, medians - medians[:1]
 
 
-def _filled(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times with those that are missing put evenly between their neighbours."""
-    good = np.isfinite(times_s)
-    if bool(good.all()) or not good.any():
-        return times_s
-    rows = np.arange(len(times_s))
-    return np.interp(rows, rows[good], times_s[good])
-
-
-def _unwrapped(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return times of day that go on after midnight."""
+def _continued(times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return times that go on after midnight, those that are missing evenly between their neighbours."""
+    good, rows = np.isfinite(times_s), np.arange(len(times_s))
+    if good.any() and not good.all():
+        times_s = np.interp(rows, rows[good], times_s[good])
     days = np.abs(np.diff(times_s) + _DAY_S) < 60
     return times_s + np.r_[0.0, np.cumsum(days) * _DAY_S] if days.any() else times_s
 
