@@ -115,7 +115,7 @@ class McapRecorder:
             "reason": self.reason,
             "lossless": self._settings.lossless,
             "duration_s": self._newest_ns / 1e9,
-            "bytes": self._file.n_bytes,
+            "bytes": self._file.disk.n_bytes,
             "written": dict(sorted(self._written.items())),
             "dropped": dict(sorted(self._dropped.items())),
         }
@@ -160,7 +160,7 @@ class McapRecorder:
                 self._flushed_ns = time.monotonic_ns()
         except Exception as error:  # a recorder must neither take a run with it nor end without a word
             self._stop(f"the file could not be flushed: {type(error).__name__}: {error}")
-        if self.state == "recording" and (failed := self._file.error) is not None:
+        if self.state == "recording" and (failed := self._file.disk.error) is not None:
             self._stop(f"the disk took no more: {failed.strerror or failed}")
 
     def _write(self, record: Record, t_ns: int) -> None:
@@ -192,7 +192,7 @@ class McapRecorder:
             t_ns=self._newest_ns,
             queued=queued,
             queued_bytes=queued_bytes,
-            written_bytes=self._file.n_bytes,
+            written_bytes=self._file.disk.n_bytes,
             free_bytes=free,
             dropped_topics=tuple(self._dropped),
             dropped_counts=tuple(self._dropped.values()),
@@ -218,7 +218,7 @@ class McapRecorder:
         except Exception as error:  # told; the file is finished at the next start
             self._stop(f"the file could not be finished: {type(error).__name__}: {error}")
             return
-        if (failed := self._file.error) is not None:
+        if (failed := self._file.disk.error) is not None:
             self._stop(f"the disk took no more: {failed.strerror or failed}")
             return
         if self._part.exists():

@@ -166,7 +166,7 @@ def _frame_topic(picture: Picture) -> str:
 
 
 class McapFile(RecordChannels):
-    """A file that grows by items; ``path`` must not exist.
+    """A file that grows by items; ``path`` must not exist. ``disk`` knows its size, and an error that ends it.
 
     Pictures are kept as they are (``lossless``), else as JPEG of ``jpeg_quality``, 1 to 100. At most
     ``most_bytes`` wait in memory for the disk. ``raw`` is another target, opened for writing without a
@@ -191,25 +191,15 @@ class McapFile(RecordChannels):
                 f"{path.name}: cannot be made: {error.strerror}", f"looked at {path.parent}"
             ) from error
         lock_file(self._raw, path)
-        self._disk = RecordingDisk(self._raw, path, most_bytes=most_bytes)
+        self.disk = RecordingDisk(self._raw, path, most_bytes=most_bytes)
         # A thread of its own for compression would only wait for the one that writes.
         self._writer = self._foxglove.open_mcap(
-            self._disk,
+            self.disk,
             context=self.context,
             writer_options=options.MCAPWriteOptions(
                 chunk_size=_CHUNK_BYTES, compression_level=_LEVEL, compression_threads=0, disable_seeking=True
             ),
         )
-
-    @property
-    def n_bytes(self) -> int:
-        """Bytes written so far."""
-        return self._disk.n_bytes
-
-    @property
-    def error(self) -> OSError | None:
-        """Reason why the file cannot be written any more."""
-        return self._disk.error
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a table of names and texts."""
@@ -224,11 +214,11 @@ class McapFile(RecordChannels):
     def flush(self) -> None:
         """Hand everything to where it outlives this process."""
         self._writer.flush()
-        self._disk.flush()
+        self.disk.flush()
 
     def sync(self) -> None:
         """Wait until all that was flushed is on the disk, which outlives the power; any thread may."""
-        if self._disk.error is None:
+        if self.disk.error is None:
             # A pipe cannot be waited for, nor a file that was closed meanwhile.
             with contextlib.suppress(OSError, ValueError):
                 os.fsync(self._raw.fileno())
@@ -237,7 +227,7 @@ class McapFile(RecordChannels):
         """Write the index and close the file."""
         try:
             self._writer.close()
-            self._disk.close()
+            self.disk.close()
         finally:
             with contextlib.suppress(OSError):
                 self._raw.close()

@@ -249,16 +249,8 @@ def _array(column: list[Any]) -> NDArray[Any]:
 
 
 def _joined(parts: list[NDArray[Any]]) -> NDArray[Any]:
-    if len(parts) == 1:
-        return _numbers(parts[0])
-    kinds = {part.dtype.kind for part in parts}
-    if "O" not in kinds or len(kinds) == 1:
-        return _numbers(np.concatenate(parts))
-    return _numbers(np.concatenate([part.astype(object) for part in parts]))
-
-
-def _numbers(column: NDArray[Any]) -> NDArray[Any]:
-    """Return a column of objects as numbers where it holds nothing else; one of nothing alone is NaN."""
-    if column.dtype != object or any(isinstance(value, (str, bytes, tuple, list, dict)) for value in column):
-        return column
-    return np.array([np.nan if value is None else value for value in column], np.float64)
+    """Return parts of a column as one; one of nothing alone is NaN."""
+    if all(part.dtype != object for part in parts):
+        return np.concatenate(parts)
+    column = [value for part in parts for value in part.tolist()]
+    return _array(column) if any(value is not None for value in column) else np.full(len(column), np.nan)

@@ -9,11 +9,12 @@ from __future__ import annotations
 import contextlib
 import io
 import logging
+import math
 import subprocess
 import threading
 import time
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Final, NamedTuple
@@ -94,16 +95,18 @@ class BoundedQueue:
             self._given_bytes += item.n_bytes
             self._items.append(item)
 
-    def take(self) -> Item | None:
-        """Return the oldest item, ``None`` when there is none; its bytes count until :meth:`done`."""
-        try:
-            return self._items.popleft()
-        except IndexError:
-            return None
+    def take(self, most_bytes: float = math.inf) -> list[Item]:
+        """Return the oldest items, the last of which reaches that size; their bytes count until :meth:`done`."""
+        items, n_bytes = list[Item](), 0
+        with contextlib.suppress(IndexError):  # no more are waiting
+            while n_bytes < most_bytes:
+                items.append(self._items.popleft())
+                n_bytes += items[-1].n_bytes
+        return items
 
-    def done(self, item: Item) -> None:
-        """Free an item's room; called by the consumer."""
-        self._done_bytes += item.n_bytes
+    def done(self, items: Iterable[Item]) -> None:
+        """Free the room of items; called by the consumer."""
+        self._done_bytes += sum(item.n_bytes for item in items)
 
     def problem(self) -> str:
         """Return how many were dropped while that goes on, ``""`` once no more are."""
@@ -114,13 +117,6 @@ class BoundedQueue:
         """Accept no more items: new ones count as dropped, waiting ones can still be taken."""
         with self._lock:
             self._closed = True
-
-    def discard(self) -> None:
-        """Count everything that waits as dropped."""
-        while (item := self.take()) is not None:
-            self.dropped[item.record.where] += 1
-            with self._lock:
-                self._given_bytes -= item.n_bytes
 
 
 class RecorderProcess:
@@ -209,7 +205,7 @@ class RecorderProcess:
     def _lost(self, why: str) -> dict[str, Any]:
         """Return the facts about a recording with a lost process, and write them into the index."""
         self._process.kill()
-        self._queue.discard()
+        self._queue.dropped.update(item.record.where for item in self._queue.take())
         if self.state != "stopped":
             self._stop(why)
         part = self.path.with_name(f"{self.path.name}.part")
@@ -261,7 +257,7 @@ class RecorderProcess:
         said_s = 0.0
         while True:
             closing = self._closing.is_set()  # looked at first: nothing comes after it
-            items = self._some()
+            items = self._queue.take(_PART_BYTES)
             dropped = self._queue.dropped - self._reported_dropped
             if items or dropped or time.monotonic() - said_s >= _BEAT_S:
                 said_s = time.monotonic()
@@ -270,9 +266,8 @@ class RecorderProcess:
                 if not self._say("records", records, dropped, (waiting, self._queue.n_bytes)):
                     self._queue.dropped.update(item.record.where for item in items)
                     return
-                for item in items:
-                    self._queue.done(item)
-                    self._sent_ns = max(self._sent_ns, item.t_ns)
+                self._queue.done(items)
+                self._sent_ns = max([self._sent_ns, *(item.t_ns for item in items)])
             elif closing:
                 return
             else:
@@ -288,14 +283,6 @@ class RecorderProcess:
             self._queue.close()
             return False
         return True
-
-    def _some(self) -> list[Item]:
-        items: list[Item] = []
-        n_bytes = 0
-        while n_bytes < _PART_BYTES and (item := self._queue.take()) is not None:
-            items.append(item)
-            n_bytes += item.n_bytes
-        return items
 
     def _listen(self) -> None:
         while True:

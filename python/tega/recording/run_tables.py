@@ -16,9 +16,7 @@ from typing import Any, Final, Literal
 import msgspec
 import numpy as np
 
-from tega.config import SessionConfig
 from tega.config.calibration import save_calibration
-from tega.devices.base import DeviceInfo
 from tega.devices.hand.can_recorder import CanRecorder
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
@@ -30,7 +28,7 @@ from tega.loop.parts import Part, PartContext
 from tega.loop.sinks import Sinks
 from tega.loop.summary import SUMMARY_FORMAT
 from tega.records import ArmTurn, Contact, Event, HandCommand, Intent, Record, VestFrame
-from tega.records.bus import Backlog, Bus
+from tega.records.bus import Backlog
 from tega.records.display import Notice
 from tega.records.table import columns, rows
 from tega.runtime.files.csv_tables import CsvWriter
@@ -136,15 +134,48 @@ class RunTables(Part):
 
     def sinks(self, sinks: Sinks) -> Sinks:
         """Open the tables, when every device is open: a run that is refused leaves the folder as it was."""
-        assert self._prepared is not None
-        kept = prepare_folder(self._folder)
+        prepared, folder, stack = self._prepared, self._folder, self._closes
+        config, bus = self._context.config, self._context.bus
+        assert prepared is not None
+        kept = prepare_folder(folder)
         if kept is not None:
-            message = f"the earlier results in {self._folder} are kept in {kept}"
-            self._context.bus.publish(Notice(text=message))
-        tables = _open_tables(
-            self._closes, self._context.config, self._prepared, self._context.bus, self._folder
-        )
-        return sinks._replace(tables=tables)
+            bus.publish(Notice(text=f"the earlier results in {folder} are kept in {kept}"))
+        real = config.session.pace == "real"
+        vest = VestRecorder(TableRecorderOptions(file=folder / "vest.csv"))
+        hand = CanRecorder(TableRecorderOptions(file=folder / "can.csv"))
+        vest.open()
+        hand.open()
+        # Columns of a list field with one number per part of a device.
+        channels = prepared.muscles.maxima.channels if prepared.muscles else ()
+        names: dict[type[Record], dict[str, Iterable[str]]] = {Intent: {"channels": channels}}
+        tables = {
+            kind: CsvWriter(folder / name, columns(kind, **names.get(kind, {})), most_lines=_MOST_LINES)
+            for kind, name in TABLES.items()
+            if kind is not ArmTurn or config.arm is not None
+        }
+        for close in (vest.close, hand.close, *(table.close for table in tables.values())):
+            stack.callback(partial(_closed, close) if real else close)
+        backlog = Backlog("tables", rank=run_realtime("beside")) if real else None
+        if backlog is not None:
+            stack.callback(backlog.close)
+
+        def show(frame: VestFrame) -> None:
+            layout: Any = frame.layout
+            vest.write(frame.t_ns, haptics.MotorLevels(layout, np.array(frame.intensities, np.uint8)))
+
+        def command(requested: HandCommand) -> None:
+            frames: Any = requested.frames
+            hand.write(requested.t_ns, frames)
+
+        def add(table: CsvWriter, record: Record) -> None:
+            table.write(*rows(record))
+
+        fill: dict[type[Record], Callable[[Any], None]]
+        fill = {kind: partial(add, table) for kind, table in tables.items()}
+        for kind, function in (fill | {VestFrame: show, HandCommand: command}).items():
+            bus.subscribe(kind, function, name=_NAME, vital=not real, backlog=backlog)
+        save_calibration(prepared.calibration, folder / "calibration.toml")
+        return sinks._replace(tables=(vest.info, hand.info))
 
     def ended(self, report: LoopReport, n_waits: int) -> None:  # noqa: ARG002
         """Complete the tables before the summary states so."""
@@ -163,48 +194,6 @@ def open_part(context: PartContext) -> RunTables | None:
         return None
     check_folder(folder)  # refused before any device is opened
     return RunTables(context, folder)
-
-
-def _open_tables(
-    stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus, folder: Path
-) -> tuple[DeviceInfo, ...]:
-    """Open the tables, have the bus fill them, and return the names of the tables of vest and hand."""
-    real = config.session.pace == "real"
-    vest = VestRecorder(TableRecorderOptions(file=folder / "vest.csv"))
-    hand = CanRecorder(TableRecorderOptions(file=folder / "can.csv"))
-    vest.open()
-    hand.open()
-    # Columns of a list field with one number per part of a device.
-    channels = prepared.muscles.maxima.channels if prepared.muscles else ()
-    names: dict[type[Record], dict[str, Iterable[str]]] = {Intent: {"channels": channels}}
-    tables = {
-        kind: CsvWriter(folder / name, columns(kind, **names.get(kind, {})), most_lines=_MOST_LINES)
-        for kind, name in TABLES.items()
-        if kind is not ArmTurn or config.arm is not None
-    }
-    for close in (vest.close, hand.close, *(table.close for table in tables.values())):
-        stack.callback(partial(_closed, close) if real else close)
-    backlog = Backlog("tables", rank=run_realtime("beside")) if real else None
-    if backlog is not None:
-        stack.callback(backlog.close)
-
-    def show(frame: VestFrame) -> None:
-        layout: Any = frame.layout
-        vest.write(frame.t_ns, haptics.MotorLevels(layout, np.array(frame.intensities, np.uint8)))
-
-    def command(requested: HandCommand) -> None:
-        frames: Any = requested.frames
-        hand.write(requested.t_ns, frames)
-
-    def add(table: CsvWriter, record: Record) -> None:
-        table.write(*rows(record))
-
-    for kind, table in tables.items():
-        bus.subscribe(kind, partial(add, table), name=_NAME, vital=not real, backlog=backlog)
-    bus.subscribe(VestFrame, show, name=_NAME, vital=not real, backlog=backlog)
-    bus.subscribe(HandCommand, command, name=_NAME, vital=not real, backlog=backlog)
-    save_calibration(prepared.calibration, folder / "calibration.toml")
-    return vest.info, hand.info
 
 
 def _closed(close: Callable[[], None]) -> None:

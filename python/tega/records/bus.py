@@ -123,18 +123,15 @@ class Bus:
         try:
             subscription.function(record)
         except Exception as error:  # whoever looks on must not end what it looks at
-            self._leave_out(subscription, error)
-
-    def _leave_out(self, subscription: _Subscription, error: Exception) -> None:
-        text = _words(error)
-        with self._lock:
-            subscription.left_out = True
-            self._subscriptions = tuple(s for s in self._subscriptions if s is not subscription)
-            self._of = {}
-            first = subscription.name not in self._failed
-            self._failed.setdefault(subscription.name, f"{subscription.name}: {text}")
-        if first:
-            _LOG.warning("%s: %s; the run goes on", subscription.name, text)
+            text = _words(error)
+            with self._lock:
+                subscription.left_out = True
+                self._subscriptions = tuple(s for s in self._subscriptions if s is not subscription)
+                self._of = {}
+                first = subscription.name not in self._failed
+                self._failed.setdefault(subscription.name, f"{subscription.name}: {text}")
+            if first:
+                _LOG.warning("%s: %s; the run goes on", subscription.name, text)
 
 
 def _words(error: Exception) -> str:

@@ -34,8 +34,7 @@ def rows(record: Record) -> list[str]:
         if name in _PARTS:
             lines = [[*line, *_frame(frame)] for line in lines for frame in getattr(record, name)]
         else:
-            cells = _placed(record, name) if name in record.columns else _cells(record, name)
-            lines = [[*line, *cells] for line in lines]
+            lines = [[*line, *_cells(record, name)] for line in lines]
     return [",".join(line) + "\n" for line in lines]
 
 
@@ -52,16 +51,12 @@ def _cells(record: Record, name: str) -> Sequence[str]:
     if name == "t_s":
         return [time_text(getattr(record, "t_ns", 0))]
     value = getattr(record, name)
+    if name in record.columns:  # nothing under each of them where a pose is unknown or damaged
+        if value and isinstance(value[0], PoseNumbers):
+            value = (*value[0].position, *value[0].quaternion)
+        n = len(record.columns[name])
+        value = value if len(value) == n else (None,) * n
     return [cell_text(one) for one in (value if isinstance(value, tuple) else (value,))]
-
-
-def _placed(record: Record, name: str) -> Sequence[str]:
-    """Return numbers under their columns, or nothing under each: a pose may be unknown or damaged."""
-    value = getattr(record, name)
-    if value and isinstance(value[0], PoseNumbers):
-        value = (*value[0].position, *value[0].quaternion)
-    n = len(record.columns[name])
-    return [cell_text(one) for one in value] if len(value) == n else [""] * n
 
 
 def _frame(frame: Any) -> tuple[str, str]:

@@ -129,13 +129,8 @@ def open_mat(path: Path, reading: Reading) -> Table:
     io = require("scipy.io", driver="emg-file", extra="lab")
     try:
         _check_packed(path)
-        content: dict[str, Any] = io.loadmat(path, variable_names=[reading.variable])
-        arrays = _flat({k: v for k, v in content.items() if not k.startswith("__")})
-        if reading.variable not in arrays:
-            content = io.loadmat(path)
-            arrays = _flat({k: v for k, v in content.items() if not k.startswith("__")})
-        else:
-            arrays |= _scalars(io, path)
+        arrays = _flat(io.loadmat(path, variable_names=[reading.variable]))
+        arrays = arrays | _scalars(io, path) if reading.variable in arrays else _flat(io.loadmat(path))
     except Exception as error:  # SciPy raises whatever the bytes lead it to
         raise RecordingError(f"{path.name}: not a MATLAB file: {error}", "export it again") from error
     return open_arrays(arrays, reading, path.name, "MAT")
