@@ -24,7 +24,7 @@ from tega.recording.record_columns import find_kind, record_of
 from tega.records import Marker
 from tega.records.schema import read
 from tega.runtime.files.foreign_file import plain_name, reports_damage
-from tega_lerobot.streams import ARM_TARGET, OBSERVED, Chunks, Column, Samples, Stream, columns_of
+from tega_lerobot.streams import ARM_TARGET, OBSERVED, Chunks, Column, Stream, columns_of
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import export_camera, filmed_cameras
 
@@ -129,16 +129,14 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
                 f"{path.name}: the records of {topic} hold no numbers", "inspect says how far it can be read"
             )
     # Before somebody has taken hold of the arm it has no target.
-    begun = [stream.times[0] for topic, stream in used.items() if topic != ARM_TARGET]
+    needed = (stream for topic, stream in used.items() if topic != ARM_TARGET)
+    begun = [one.fit(fps) if isinstance(one, Chunks) else one.times[0] for one in needed]
     begin_ns = max(*begun, span(reader.metadata).from_ns)
-    emg = used.get("/emg/samples")
-    samples = Samples(emg if isinstance(emg, Chunks) else None, fps)
-    begin_ns = max(begin_ns, samples.begin_ns)
     led = ("/vest/", "/hand/", "/tactile/", "/arm/")
     end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
     n_frames = _count_frames(path.name, end_ns - begin_ns, fps)
     grid_ns = begin_ns + np.arange(n_frames, dtype=np.int64) * _S // fps
-    columns, displayed = columns_of(used, grid_ns, samples), {}
+    columns, displayed = columns_of(used, grid_ns), {}
     for finger in shapes:
         newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
         displayed[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))

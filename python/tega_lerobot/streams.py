@@ -98,29 +98,18 @@ class Chunks(Stream):
         """The samples, float32 (samples, channels)."""
         return np.frombuffer(self._numbers, np.float32).reshape(-1, self.width or 1)
 
-
-class Samples:
-    """The newest EMG samples at each frame: as many as come in one, rounded up."""
-
-    def __init__(self, chunks: Chunks | None, fps: int) -> None:
-        self.begin_ns = 0
-        self._chunks = chunks
-        if chunks is None:
-            return
-        self._ends = np.array(chunks.ends)
-        spent_s = (chunks.times[-1] - chunks.times[0]) / _S
-        rate_hz = (self._ends[-1] - self._ends[0]) / spent_s if spent_s > 0 else float(fps)
+    def fit(self, fps: int) -> int:
+        """Take as many samples to a frame as come in one, rounded up; return when so many are there, nanoseconds."""
+        ends = np.array(self.ends)
+        spent_s = (self.times[-1] - self.times[0]) / _S
+        rate_hz = (ends[-1] - ends[0]) / spent_s if spent_s > 0 else float(fps)
         self._n = max(1, int(np.ceil(round(rate_hz / fps, 3))))
-        enough = int(np.searchsorted(self._ends, self._n))
-        self.begin_ns = chunks.times[min(enough, len(chunks.times) - 1)]
+        return self.times[min(int(np.searchsorted(ends, self._n)), len(self.times) - 1)]
 
-    def column(self, grid_ns: NDArray[np.int64]) -> Column | None:
-        """Return the windows at these times; ``None`` without EMG."""
-        if self._chunks is None:
-            return None
-        ends = self._ends[self._chunks.newest(grid_ns)]
-        windows = self._chunks.rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)]
-        return Column(np.nan_to_num(windows), ["sample", "channel"])
+    def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Return the newest samples at each time, float32 (times, samples, channels)."""
+        ends = np.array(self.ends)[self.newest(grid_ns)]
+        return np.nan_to_num(self.rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)])
 
 
 def closure_numbers(level: int, closure: float | None) -> tuple[float, float]:
@@ -150,12 +139,10 @@ OBSERVED: Final[dict[type[records.Record], Callable[[Any], Sequence[float]]]] = 
 """Numbers of each type of record that is observed."""
 
 
-def columns_of(
-    streams: dict[str, Stream], grid_ns: NDArray[np.int64], samples: Samples | None = None
-) -> dict[str, Column]:
+def columns_of(streams: dict[str, Stream], grid_ns: NDArray[np.int64]) -> dict[str, Column]:
     """Return the features of frames at some times, pictures left out.
 
-    Each stream has begun by the first time, but for targets of the arm; ``None`` leaves the EMG out.
+    Each stream has begun by the first time, but for targets of the arm; samples fit the frames.
     """
     columns: dict[str, Column] = {}
     if joints := streams.get("/hand/joints"):
@@ -180,8 +167,8 @@ def columns_of(
         columns["observation.image_age"] = Column(
             np.stack(ages_s, axis=1).astype(np.float32), [f"{topic.split('/')[2]}.s" for topic in images]
         )
-    if samples is not None and (window := samples.column(grid_ns)) is not None:
-        columns["observation.emg"] = window
+    if samples := streams.get("/emg/samples"):
+        columns["observation.emg"] = Column(samples.at(grid_ns), ["sample", "channel"])
     if levels := streams.get("/emg/levels"):
         values = levels.at(grid_ns)
         names = [*_numbered("ch", values.shape[1] - 1), "fused"]

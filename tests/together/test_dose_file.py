@@ -69,9 +69,7 @@ def test_what_is_older_than_a_day_counts_no_more(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("later_s", "share"), [(0.0, 1.0), (HEAT_TAU_S, np.exp(-1)), (-500.0, 1.0)])
-def test_a_quick_restart_does_not_cool_the_motors_nor_does_a_clock_set_back(
-    tmp_path: Path, later_s: float, share: float
-) -> None:
+def test_a_quick_restart_does_not_cool_the_motors_nor_does_a_clock_set_back(tmp_path, later_s, share):
     file = tmp_path / "vest-dose.json"
     warm = run(file, at_s=1000.0, seconds=30.0).heat
     again = MotorBudget(heat_share=1.0)

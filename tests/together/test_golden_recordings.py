@@ -85,9 +85,7 @@ def test_a_recording_of_an_earlier_version_says_what_made_it(golden: Path) -> No
     assert sum(counted.values()) == len(messages(golden))
 
 
-def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(
-    golden: Path, tmp_path: Path
-) -> None:
+def test_a_recording_of_a_later_version_is_refused_by_the_name_of_its_record(golden, tmp_path):
     later = rewritten(golden, tmp_path / "newer.mcap", tables={"records": {"Contact": "99"}})
     text = f"newer.mcap: its record Contact has version 99, this TEGA knows {Contact.version}"
     with pytest.raises(RecordingError, match=text):

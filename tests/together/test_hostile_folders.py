@@ -142,9 +142,7 @@ def test_a_pipe_in_the_place_of_a_recording_is_not_waited_for(verb: str, tmp_pat
 
 
 @pytest.mark.parametrize("verb", _MAKE)
-def test_a_record_longer_than_any_ends_the_file(
-    verb: str, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_record_longer_than_any_ends_the_file(verb, lossless, tmp_path, monkeypatch):
     assert mcap_reader.MOST_RECORD == 256 * MIB
     for module in ("mcap_copy", "mcap_index", "mcap_reader"):
         monkeypatch.setattr(f"tega.recording.{module}.MOST_RECORD", 1000)
@@ -247,9 +245,7 @@ def test_a_pipe_in_a_study_that_is_exported_is_an_error(name: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize("read", [read_touch, read_hand, read_course, read_touch_picture])
-def test_a_cell_longer_than_the_csv_module_takes_is_an_error_of_its_file(
-    read: Callable[[Path], object], tmp_path: Path
-) -> None:
+def test_a_cell_longer_than_the_csv_module_takes_is_an_error_of_its_file(read, tmp_path):
     (tmp_path / "odd.csv").write_bytes(b't_s,finger\n"' + b"x" * 200_000 + b"\n")
     with pytest.raises(RecordingError, match=r"odd\.csv"):
         read(tmp_path / "odd.csv")

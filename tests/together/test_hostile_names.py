@@ -7,7 +7,6 @@ import shutil
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
 
 import msgspec
 import pytest
@@ -70,9 +69,7 @@ def stolen(request: pytest.FixtureRequest, short: Path, tmp_path_factory: pytest
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_no_verb_on_a_recording_writes_elsewhere(
-    verb: str, stolen: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
+def test_no_verb_on_a_recording_writes_elsewhere(verb, stolen, tmp_path, monkeypatch, capsys):
     work = tmp_path / "work"
     work.mkdir()
     recording = Path(shutil.copy(stolen, work))

@@ -25,9 +25,7 @@ from tega.runtime.call_beside import called_beside
 from tega.runtime.files.csv_tables import cell_text
 
 
-def test_tables_and_pictures_say_what_was_recorded(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_and_pictures_say_what_was_recorded(lossless, tmp_path, capsys):
     call(capsys, "recording", "export", lossless, "--out", tmp_path / "out", "--pictures")
     with (tmp_path / "out" / "tactile.thumb.contact.csv").open(newline="") as file:
         contacts = list(csv.DictReader(file))
@@ -55,9 +53,7 @@ def test_parquet_has_the_same_columns(lossless: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", [GrowingCsv, GrowingParquet])
-def test_columns_that_come_late_are_missing_before_in_rows_that_are_added_and_in_parts(
-    kind: type[GrowingTable], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_columns_that_come_late_are_missing_before_in_rows_and_in_parts(kind, tmp_path, monkeypatch):
     pandas = pytest.importorskip("pandas", reason="reads both kinds")
     monkeypatch.setattr(growing_table, "_ROWS_PER_GROUP", 2)
     rows: list[Columns] = [
@@ -115,9 +111,7 @@ def same_files(folder: Path, wanted: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_two_processes_write_the_same_tables_as_one(
-    kind: Any, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_processes_write_the_same_tables_as_one(kind, lossless, tmp_path, monkeypatch):
     whole = export_file(lossless, tmp_path / "whole", kind=kind)
     called: list[tuple[Any, ...]] = []
 
@@ -135,9 +129,7 @@ def test_two_processes_write_the_same_tables_as_one(
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_an_export_keeps_some_messages_and_rows_however_long_the_recording(
-    kind: Any, lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_export_keeps_few_messages_and_rows_of_any_recording(kind, lossless, tmp_path, monkeypatch):
     whole = export_file(lossless, tmp_path / "whole", kind=kind)
     n_kept, most = 8, 0
 

@@ -37,9 +37,7 @@ def halves(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> list[Pat
 
 
 @pytest.mark.parametrize(("from_s", "to_s"), [(0.311, 0.937), (0.0, 0.7), (1.2, 99.0)])
-def test_a_part_has_the_same_messages_and_computes_to_the_same_bits(
-    lossless: Path, tmp_path: Path, from_s: float, to_s: float | None
-) -> None:
+def test_a_part_has_the_same_messages_and_computes_to_the_same_bits(lossless, tmp_path, from_s, to_s):
     part = trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "part")
     start = epoch_ns(lossless) + round(from_s * S)
     end = epoch_ns(lossless) + round((to_s or 1e6) * S)
@@ -81,9 +79,7 @@ def test_what_came_before_is_what_the_filters_need(lossless: Path, tmp_path: Pat
     assert stream(replay, "/tactile/thumb/contact").differ == 0
 
 
-def test_without_what_came_before_a_replay_says_why_it_cannot(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_what_came_before_a_replay_says_why_it_cannot(lossless, tmp_path, capsys):
     out = tmp_path / "part"
     words = ["recording", "trim", str(lossless), "--from", "0.5", "--no-lead-in", "--out", str(out)]
     assert json.loads(call(capsys, *words, "--json")[0]) == [str(out / "trial-001.mcap")]
@@ -131,9 +127,7 @@ def test_a_conversation_with_a_hand_is_held_from_its_beginning(tmp_path: Path) -
         )  # how often a loaded machine asks is not what is tried
 
 
-def test_nothing_is_overwritten_and_a_wrong_span_is_told(
-    lossless: Path, halves: list[Path], tmp_path: Path
-) -> None:
+def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless, halves, tmp_path):
     taken = tmp_path / "taken"
     taken.mkdir()
     (taken / "mine.txt").write_text("mine")
@@ -149,9 +143,7 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(
 
 
 @pytest.mark.slow
-def test_sessions_are_merged_in_order_of_time_as_they_are(
-    halves: list[Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_sessions_are_merged_in_order_of_time_as_they_are(halves, tmp_path, capsys):
     early, late = halves
     call(capsys, "recording", "merge", late.parent, early, "--out", tmp_path / "both")
     both = sorted((tmp_path / "both").glob("*.mcap"))
@@ -170,9 +162,7 @@ def test_sessions_are_merged_in_order_of_time_as_they_are(
         ({"files": {"calibration.toml": b"other"}}, "another calibration"),
     ],
 )
-def test_what_does_not_fit_together_is_not_merged(
-    halves: list[Path], tmp_path: Path, change: dict[str, Any], text: str
-) -> None:
+def test_what_does_not_fit_together_is_not_merged(halves, tmp_path, change, text):
     early, late = halves
     other = rewritten(late, tmp_path / "other.mcap", **change)
     with pytest.raises(RecordingError, match=text):
@@ -180,9 +170,7 @@ def test_what_does_not_fit_together_is_not_merged(
     assert not (tmp_path / "both").exists()
 
 
-def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(
-    short: Path, tmp_path: Path
-) -> None:
+def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(short, tmp_path):
     """As the lifts of a demo that is computed faster than it lasts."""
     later_ns = 50_000_000
     (tmp_path / "two").mkdir()
@@ -200,9 +188,7 @@ def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(
 
 
 @pytest.mark.parametrize("is_lossless", [True, False])
-def test_a_merged_session_says_whether_its_pictures_are_as_they_were(
-    tmp_path: Path, is_lossless: bool
-) -> None:
+def test_a_merged_session_says_whether_its_pictures_are_as_they_were(tmp_path, is_lossless):
     whole = record(tmp_path / "whole", duration_s=0.4, lossless=is_lossless)
     early = trim_session(whole, from_s=0.0, to_s=0.2, out=tmp_path / "early")
     late = trim_session(whole, from_s=0.2, to_s=None, out=tmp_path / "late")
@@ -212,9 +198,7 @@ def test_a_merged_session_says_whether_its_pictures_are_as_they_were(
     assert [inspect_file(path).lossless for path in both] == [is_lossless] * 2
 
 
-def test_recordings_of_the_same_time_are_not_merged(
-    lossless: Path, halves: list[Path], tmp_path: Path
-) -> None:
+def test_recordings_of_the_same_time_are_not_merged(lossless, halves, tmp_path):
     late = halves[1]
     with pytest.raises(RecordingError, match=r"overlap by 0\.\d+ s of the same time"):
         merge_sessions([late, lossless], out=tmp_path / "both")

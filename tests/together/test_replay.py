@@ -158,9 +158,7 @@ def test_levels_and_can_frames(ran: Ran) -> None:
     assert any(f["data"].strip("0") for f in frames)
 
 
-def test_a_calibration_from_a_run_gives_the_same_tables(
-    ran: Ran, press: list[object], tmp_path: Path
-) -> None:
+def test_a_calibration_from_a_run_gives_the_same_tables(ran, press, tmp_path):
     first, one = ran("live")
     assert first["calibration"]["self_calibrated"] is True
     assert "cannot be reproduced live" in first["notes"][0]
@@ -252,9 +250,7 @@ def test_a_folder_that_is_not_ours_is_left_alone(press: list[object], tmp_path: 
     assert "output folder 'thesis.txt' is a file" in failed["stderr"]
 
 
-def test_the_results_of_an_earlier_run_are_kept_and_told(
-    ran: Ran, press: list[object], tmp_path: Path
-) -> None:
+def test_the_results_of_an_earlier_run_are_kept_and_told(ran, press, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(ran("muscles")[1], out)
     for number in (1, 2):
@@ -269,9 +265,7 @@ def test_the_results_of_an_earlier_run_are_kept_and_told(
     assert sorted(path.name for path in out.iterdir()) == sorted([*OUTPUTS, "earlier-1", "earlier-2"])
 
 
-def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(
-    press: list[object], tmp_path: Path
-) -> None:
+def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(press, tmp_path):
     assert [prepare_folder(tmp_path) for _ in range(3)] == [None] * 3, (
         "one that left nothing leaves no folder"
     )
@@ -281,9 +275,7 @@ def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(
     assert sorted(path.name for path in (tmp_path / "earlier-1").iterdir()) == ["summary.json", "vest.csv"]
 
 
-def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(
-    ran: Ran, press: list[object], tmp_path: Path
-) -> None:
+def test_a_bad_frame_met_while_running_fails_the_run_and_still_leaves_silence(ran, press, tmp_path):
     shutil.copytree(str(press[1]).partition("=")[2], tmp_path / "thumb")
     torn = tmp_path / "thumb" / "frame_40.png"
     torn.write_bytes(torn.read_bytes()[:-40])

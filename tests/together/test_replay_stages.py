@@ -76,9 +76,7 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     assert "did you mean 'outline'" in call(capsys, "verify", recording, *wrong, code=1)[1]
 
 
-def test_loose_files_are_replayed_through_a_stage(
-    tmp_path: Path, capsys: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_loose_files_are_replayed_through_a_stage(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("tega.ui.view.course.SessionPicture.write", lambda *_given, **_more: None)
     samples = np.random.default_rng(1).standard_normal((1000, 3)) * np.repeat([0.1, 1.0], 500)[:, None]
     np.save(tmp_path / "squeeze.npy", samples)
@@ -98,9 +96,7 @@ MAPPINGS = ("slip-row", "equal-steps", "changes", "place")
 
 @pytest.mark.slow
 @pytest.mark.parametrize("mapping", MAPPINGS)
-def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_computed_again(
-    mapping: str, tmp_path: Path, capsys: Any
-) -> None:
+def test_a_session_with_a_mapping_of_felt_steps_changes_or_places_is_replayed(mapping, tmp_path, capsys):
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega.loop import run_session
 

@@ -47,9 +47,7 @@ def row(text: str, name: str) -> list[str]:
     return next(line.split() for line in text.splitlines() if line.split()[:1] == [name])
 
 
-def test_a_whole_recording_is_measured_in_its_pictures(
-    lossless: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_whole_recording_is_measured_in_its_pictures(lossless, capsys):
     assert kept(capsys, lossless) == {}
     text = call(capsys, "verify", lossless)[0]
     assert CLAIM in text
@@ -58,9 +56,7 @@ def test_a_whole_recording_is_measured_in_its_pictures(
     assert "as recorded" not in text
 
 
-def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_why(
-    part: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_why(part, capsys):
     reasons = kept(capsys, part)
     assert reasons.keys() == {CONTACTS, "/tactile/ring/contact"}
     why = "the metric live remembers earlier pictures, and those before 0.5 s were trimmed off"
@@ -75,9 +71,7 @@ def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_w
     assert CLAIM not in text
 
 
-def test_a_part_that_a_metric_without_memory_measured_is_measured_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_that_a_metric_without_memory_measured_is_measured_again(tmp_path, capsys, monkeypatch):
     whole = record(tmp_path / "whole", duration_s=0.7, preset="paper")  # its metric has no memory
     part = trim_session(whole, from_s=0.2, to_s=0.6, out=tmp_path / "part")
     assert kept(capsys, part) == {}
@@ -97,9 +91,7 @@ def broken(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(FrameMeter, "take", one_more)
 
 
-def test_a_changed_field_of_contacts_that_are_kept_is_counted_in_the_json(
-    part: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_changed_field_of_contacts_that_are_kept_is_counted_in_the_json(part, monkeypatch):
     broken(monkeypatch)
     replay = replay_file(part)
     assert replay.same
@@ -117,9 +109,7 @@ def test_contacts_of_compressed_pictures_are_kept(tmp_path: Path, capsys: pytest
     assert all(one.compared and one.fields == {} for one in replay_file(path).pictures)
 
 
-def test_contacts_of_another_version_of_the_metric_are_kept(
-    lossless: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_contacts_of_another_version_of_the_metric_are_kept(lossless, capsys, monkeypatch):
     monkeypatch.setattr(LiveMetric, "version", LiveMetric.version + 1)
     (why,) = set(kept(capsys, lossless).values())
     assert why == (
@@ -128,9 +118,7 @@ def test_contacts_of_another_version_of_the_metric_are_kept(
     assert CLAIM not in call(capsys, "verify", lossless)[0]
 
 
-def test_muscles_alone_are_not_said_to_have_pictures(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_muscles_alone_are_not_said_to_have_pictures(tmp_path, capsys):
     session = tree(tmp_path / "session", lossless=False)
     del session["tactile"]
     run_session(check_tree(session, {}, base=tmp_path).config)

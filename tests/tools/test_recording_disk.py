@@ -214,9 +214,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
-def test_where_the_system_keeps_no_files_in_memory_the_disk_is_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_the_system_keeps_no_files_in_memory_the_disk_is_waited_for(tmp_path, monkeypatch):
     monkeypatch.setattr(disk, "_MEMORY", tmp_path / "none")
     assert len(messages(record(tmp_path / "session", duration_s=0.3))) > 50
 
@@ -261,9 +259,7 @@ def test_looking_into_a_copy_takes_nothing_from_a_recording_that_goes_on(tmp_pat
 
 
 @pytest.mark.skipif(not Path("/dev/shm").is_dir(), reason="the system keeps no files in memory")
-def test_what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_one_begins(
-    tmp_path: Path,
-) -> None:
+def test_what_a_killed_recording_left_in_memory_goes_to_its_file_when_the_next_one_begins(tmp_path):
     subprocess.run(
         [sys.executable, "-c", STUCK, str(tmp_path)], capture_output=True, check=False, timeout=120
     )
@@ -291,9 +287,7 @@ def test_a_folder_in_memory_that_names_another_file_is_left_alone(tmp_path: Path
     assert victim.read_bytes() == b"untouched"
 
 
-def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(
-    lossless: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(lossless, tmp_path, monkeypatch):
     whole = tmp_path / "session" / lossless.name
     whole.parent.mkdir()
     shutil.copy(lossless, whole)

@@ -40,13 +40,7 @@ def compared(recorded: Rows, replayed: Rows, settled: list[int], cut_ns: int) ->
 
 
 @given(_ROWS, _ROWS, _LATE, st.lists(st.integers(0, 39)), st.just(NEVER_NS) | st.integers(20, 30))
-def test_settling_early_finds_what_settling_once_finds(
-    recorded: list[tuple[int, float]],
-    replayed: list[tuple[int, float]],
-    late_ns: list[int],
-    settled: list[int],
-    cut_ns: int,
-) -> None:
+def test_settling_early_finds_what_settling_once_finds(recorded, replayed, late_ns, settled, cut_ns):
     ours, theirs = in_order(recorded, late_ns), in_order(replayed, late_ns)
     ours = [row for row in ours if row[1] < cut_ns]  # the recording was cut there
     settled = [tick for tick in settled if tick <= cut_ns]
@@ -54,9 +48,7 @@ def test_settling_early_finds_what_settling_once_finds(
 
 
 @given(_ROWS, _LATE)
-def test_a_stream_is_the_same_as_itself_and_is_not_kept(
-    rows: list[tuple[int, float]], late_ns: list[int]
-) -> None:
+def test_a_stream_is_the_same_as_itself_and_is_not_kept(rows, late_ns):
     found = Compared("stream", RULE)
     for t_ns, known_ns, value in in_order(rows, late_ns):
         found.add(value, t_ns, known_ns, replayed=False)
@@ -68,9 +60,7 @@ def test_a_stream_is_the_same_as_itself_and_is_not_kept(
 
 
 @given(_ROWS, _LATE, st.data())
-def test_a_changed_value_is_one_difference(
-    rows: list[tuple[int, float]], late_ns: list[int], data: st.DataObject
-) -> None:
+def test_a_changed_value_is_one_difference(rows, late_ns, data):
     ours = in_order(rows, late_ns)
     theirs = list(ours)
     k = data.draw(st.integers(0, len(ours) - 1)) if ours else None

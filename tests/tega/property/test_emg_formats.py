@@ -29,9 +29,7 @@ _FEW = settings(
     n=st.integers(260, 400),
     loud=st.floats(1, 900),
 )
-def test_samples_come_back(
-    kind: str, seed: int, n_channels: int, n: int, loud: float, tmp_path: Path
-) -> None:
+def test_samples_come_back(kind, seed, n_channels, n, loud, tmp_path):
     writer = WRITERS[kind]
     samples = np.random.default_rng(seed).normal(0, loud, (n, n_channels)).clip(-3000, 3000)
     path = tmp_path / writer.name

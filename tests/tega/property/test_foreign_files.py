@@ -6,7 +6,6 @@ import contextlib
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -52,9 +51,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
 @pytest.mark.parametrize("kind", READERS)
 @FEW
 @given(changes=st.lists(CHANGE, max_size=4))
-def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(
-    kind: str, valid: Callable[[str], bytes], changes: list[Any], tmp_path: Path
-) -> None:
+def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(kind, valid, changes, tmp_path):
     ends_with_errors_of_tega(READERS[kind], mutated(valid(kind), changes), tmp_path)
 
 
@@ -72,9 +69,7 @@ def test_a_file_larger_than_any_of_its_kind_is_refused_unread(kind: str, tmp_pat
     ("read", "error"),
     [(lambda p: load_config(p, environ={}), ConfigError), (load_calibration, CalibrationError)],
 )
-def test_settings_are_refused_by_their_own_error(
-    read: Callable[[Path], object], error: type[TegaError], tmp_path: Path
-) -> None:
+def test_settings_are_refused_by_their_own_error(read, error, tmp_path):
     path = tmp_path / "lab.toml"
     path.write_bytes(b"# " + b"x" * 2 * MIB)
     with pytest.raises(error, match=r"lab\.toml: 2 MiB, at most 1 MiB"):
@@ -134,9 +129,7 @@ def _opened(path: Path) -> None:
     changes=st.lists(CHANGE, min_size=1, max_size=3),
     kinds=st.sets(st.sampled_from(["attachment", "table", "message", "name", "time"]), max_size=2),
 )
-def test_a_recording_that_is_odd_is_told_to_be(
-    short: Path, spot: float, changes: list[Any], kinds: set[str], tmp_path: Path
-) -> None:
+def test_a_recording_that_is_odd_is_told_to_be(short, spot, changes, kinds, tmp_path):
     path = tmp_path / "odd.mcap"
     if kinds:
         odd(short, path, spot, changes, kinds)

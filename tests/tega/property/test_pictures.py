@@ -30,9 +30,7 @@ def picked(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     spread=st.integers(1, 256),
     seed=st.integers(0, 2**32 - 1),
 )
-def test_bands_and_their_distances_are_numpy_s(
-    rows: int, columns: int, turned: bool, spread: int, seed: int
-) -> None:
+def test_bands_and_their_distances_are_numpy_s(rows, columns, turned, spread, seed):
     draw = np.random.default_rng(seed)
     one, other = (draw.integers(0, spread, (rows, columns, 3), dtype=np.uint8) for _ in range(2))
     if turned:  # a view whose pixels do not lie side by side

@@ -81,9 +81,7 @@ def test_every_topic_has_columns_and_records(lossless: Path) -> None:
         recording[CONTACT][len(recording[CONTACT])]
 
 
-def test_samples_have_a_row_each_at_the_source_s_rate(
-    lossless: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_samples_have_a_row_each_at_the_source_s_rate(lossless, monkeypatch):
     found = by_the_public_reader(lossless, "/emg/samples")
     table = tega.open_recording(lossless)["/emg/samples"].to_numpy()
     names = [name for name in table.dtype.names or () if name not in {"t_s", "log_s", "index"}]
@@ -192,9 +190,7 @@ class _Counted(io.FileIO):
         return n
 
 
-def test_opening_and_one_picture_read_a_part_of_the_file(
-    lossless: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_opening_and_one_picture_read_a_part_of_the_file(lossless, monkeypatch):
     """The head, the first parts, the index at the end, and the part that is asked for."""
     for module in (mcap_reader, mcap_index):
         monkeypatch.setattr(module, "open_recording", lambda path: io.BufferedReader(_Counted(path)))
@@ -221,9 +217,7 @@ def test_frames_and_tables_carry_topic_and_clock(lossless: Path) -> None:
 
 
 @pytest.mark.parametrize(("package", "method"), [("pandas", "to_pandas"), ("pyarrow", "to_arrow")])
-def test_a_missing_package_is_named(
-    lossless: Path, monkeypatch: pytest.MonkeyPatch, package: str, method: str
-) -> None:
+def test_a_missing_package_is_named(lossless, monkeypatch, package, method):
     monkeypatch.setitem(sys.modules, package, None)
     with pytest.raises(MissingExtraError, match="pip install") as reported:
         getattr(tega.open_recording(lossless)[CONTACT], method)()

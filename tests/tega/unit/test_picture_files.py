@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -123,9 +122,7 @@ def test_a_stack_gives_the_pictures_that_numpy_saved(tmp_path: Path) -> None:
         (np.asfortranarray, "ascontiguousarray"),
     ],
 )
-def test_another_array_is_refused_with_the_way_out(
-    change: Callable[[Any], Any], text: str, tmp_path: Path
-) -> None:
+def test_another_array_is_refused_with_the_way_out(change, text, tmp_path):
     np.save(tmp_path / "a.npy", change(np.zeros((7, 20, 30, 3), np.uint8)))
     with pytest.raises(RecordingError, match=text):
         stack_of(tmp_path / "a.npy")
@@ -155,9 +152,7 @@ def test_a_stack_that_was_cut_short_names_the_picture(tmp_path: Path) -> None:
         (lambda p: p // 3, "nearly everywhere: another sensor, other lights"),
     ],
 )
-def test_a_baseline_that_is_not_the_pictures_is_refused_with_what_it_looks_like(
-    change: Callable[[Any], Any], text: str
-) -> None:
+def test_a_baseline_that_is_not_the_pictures_is_refused_with_what_it_looks_like(change, text):
     pictures = [gel(k, depth=40 * (k % 3)) for k in range(1, 6)]
     check_baseline(gel(), pictures, name="b.png", label="frames")
     check_baseline(

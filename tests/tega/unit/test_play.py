@@ -250,9 +250,7 @@ def test_what_is_real_is_not_played_to_at_any_speed(lossless: Path) -> None:
     assert "hand: allegro" in refused(lambda: play_file(lossless, on_a_bus, speed=None))
 
 
-def test_of_a_session_with_several_recordings_one_has_to_be_named(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_of_a_session_with_several_recordings_one_has_to_be_named(lossless, tmp_path, capsys):
     for name in ("trial-001.mcap", "trial-002.mcap"):
         (tmp_path / name).write_bytes(lossless.read_bytes())
     assert "trial-002.mcap" in call(capsys, "play", tmp_path, "--speed", "max", code=1)[1]
@@ -277,9 +275,7 @@ def test_a_played_session_is_held_to_the_day_of_who_wears_the_vest(session: Sess
 
 
 @pytest.mark.slow
-def test_a_motor_that_is_identified_counts_to_the_day_too(
-    session: Session, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_motor_that_is_identified_counts_to_the_day_too(session, tmp_path, capsys):
     file = CalibrationFolder(tmp_path).person("p01") / "vest-dose.json"
     settings = tmp_path / "vest.toml"
     tree = {"vest": session.to["vest"], "calibration": {"folder": str(tmp_path)}}

@@ -53,9 +53,7 @@ def test_what_it_is_given_is_in_the_file(tmp_path: Path) -> None:
     assert found["/tactile/thumb/image"] == found["/run/marker"] == 50
 
 
-def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody_waits(
-    tmp_path: Path,
-) -> None:
+def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody_waits(tmp_path):
     recorder = begun(tmp_path, RecordingSection(lossless=True, queue_mib=4.0, stop_free_mib=0.0))
     os.kill(recorder.pid, signal.SIGSTOP)
     for k in range(100):  # 23 MB for a process that takes one or two
@@ -71,9 +69,7 @@ def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody
     assert pictures.dropped == facts["dropped"]["/tactile/thumb/image"] == 100 - pictures.messages > 50
 
 
-def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_process_that_stands_still_with_a_full_pipe_does_not_keep_the_run(tmp_path, monkeypatch):
     recorder = begun(tmp_path)
     until(lambda: recorder.state == "recording")
     monkeypatch.setattr(recorder_process, "_ANSWER_S", 1.0)

@@ -93,9 +93,7 @@ def test_a_pedal_marks_the_recording_and_a_watched_run_that_is_stopped_replays(t
 
 @pytest.mark.parametrize("metadata", [True, False])
 @pytest.mark.parametrize("channel", [True, False])
-def test_a_file_with_a_damaged_end_is_called_cut_unless_nothing_of_mcap_is_in_it(
-    tmp_path: Path, metadata: bool, channel: bool
-) -> None:
+def test_a_file_with_a_damaged_end_is_called_cut_unless_nothing_of_mcap_is_in_it(tmp_path, metadata, channel):
     path = tmp_path / "trial-001.mcap"
     with path.open("wb") as file:
         writer: Any = Writer(file)

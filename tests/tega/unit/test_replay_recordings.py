@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -27,9 +26,7 @@ EMG = {
 @pytest.mark.slow
 @pytest.mark.parametrize("preset", ["paper", "live"])
 @pytest.mark.parametrize("emg", sorted(EMG))
-def test_ball_presses_with_each_kind_of_emg(
-    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], preset: str, emg: str
-) -> None:
+def test_ball_presses_with_each_kind_of_emg(recordings, tmp_path, capsys, preset, emg):
     ball = recordings / "digit" / "digit_ball_D20641"
     file, rate_hz, kind, channels = EMG[emg]
     summary = replay(
@@ -48,9 +45,7 @@ def test_ball_presses_with_each_kind_of_emg(
 
 
 @pytest.mark.slow
-def test_two_fingers_of_one_grip(
-    recordings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_two_fingers_of_one_grip(recordings, tmp_path, capsys):
     grips = recordings / "digit" / "gsmini_seq"
     words = []
     for finger, camera in (("thumb", 0), ("index", 2)):

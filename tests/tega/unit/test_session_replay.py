@@ -71,9 +71,7 @@ def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(short: Path, tmp_path
 
 
 @pytest.mark.parametrize(("topic", "field"), [("/emg/levels", "taken_ns"), ("/run/end", "n_waits")])
-def test_ticks_after_the_last_message_are_not_replayed(
-    short: Path, tmp_path: Path, topic: str, field: str
-) -> None:
+def test_ticks_after_the_last_message_are_not_replayed(short, tmp_path, topic, field):
     def far(of: str, value: Any) -> Any:
         if of == topic:
             setattr(value, field, 2**50)
@@ -105,9 +103,7 @@ def test_one_altered_pixel_shows_wherever_it_is(short: Path, tmp_path: Path) -> 
     assert image.first[0].t_s == pytest.approx(at / 60, abs=1e-6)
 
 
-def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(
-    short: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(short, tmp_path, capsys):
     def change(topic: str, value: Any) -> Any:
         if topic == "/tactile/thumb/image":
             pixels = np.frombuffer(value.data, np.uint8).reshape(value.height, value.width, 3).copy()
@@ -124,9 +120,7 @@ def test_a_pixel_that_is_felt_is_told_from_the_contact_to_the_vest(
     call(capsys, "verify", path, code=1)
 
 
-def test_other_settings_say_what_differs(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_other_settings_say_what_differs(lossless, tmp_path, capsys):
     other = tmp_path / "other.toml"
     other.write_text('[vest]\nmirror = "all"\nthreshold = 20.0\n')
     (replay,) = json.loads(call(capsys, "verify", lossless.parent, "--config", other, "--json", code=1)[0])
@@ -137,9 +131,7 @@ def test_other_settings_say_what_differs(
 
 
 @pytest.mark.parametrize("preset", ["live", "paper"])
-def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(
-    tmp_path: Path, preset: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_jpeg_replays_what_was_computed_and_gives_the_error_of_the_pictures(tmp_path, preset, monkeypatch):
     path = record(tmp_path / "jpeg", preset=preset, lossless=False)
     replay = replay_file(path)
     assert replay.same
@@ -207,9 +199,7 @@ FLAGS = (
 
 
 @pytest.mark.parametrize("flag", FLAGS.split(", "))
-def test_no_flag_of_loose_files_is_left_out_beside_a_session(
-    flag: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_no_flag_of_loose_files_is_left_out_beside_a_session(flag, tmp_path, capsys):
     told = call(capsys, "replay", tmp_path / "monday", *flag.split(), code=2)[1]
     assert f"{flag.split(maxsplit=1)[0]} is for loose files, not for a session" in told
 

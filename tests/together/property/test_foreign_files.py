@@ -6,7 +6,6 @@ import contextlib
 import threading
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import given
@@ -46,9 +45,7 @@ def valid(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
 @pytest.mark.parametrize("kind", GUEST_READERS)
 @FEW
 @given(changes=st.lists(CHANGE, max_size=4))
-def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(
-    kind: str, valid: Callable[[str], bytes], changes: list[Any], tmp_path: Path
-) -> None:
+def test_whatever_a_file_holds_only_errors_of_tega_come_of_it(kind, valid, changes, tmp_path):
     ends_with_errors_of_tega(GUEST_READERS[kind], mutated(valid(kind), changes), tmp_path)
 
 
@@ -85,9 +82,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @FEW
 @given(changes=st.lists(CHANGE, max_size=4), spot=SPOT, whole=st.booleans())
-def test_a_scene_recording_that_is_odd_is_told_to_be(
-    scene: Path, changes: list[Any], spot: float, whole: bool, tmp_path: Path
-) -> None:
+def test_a_scene_recording_that_is_odd_is_told_to_be(scene, changes, spot, whole, tmp_path):
     path = tmp_path / "odd.mcap"
     if whole:
         odd(scene, path, spot, changes, {"message"})

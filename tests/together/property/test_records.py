@@ -230,9 +230,7 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
     contacts=st.lists(records_of(Contact), min_size=1, max_size=4),
     intent=records_of(Intent),
 )
-def test_a_data_set_has_contact_and_intent_as_they_were_recorded(
-    contacts: list[Contact], intent: Intent
-) -> None:
+def test_a_data_set_has_contact_and_intent_as_they_were_recorded(contacts, intent):
     """Frames are 40 ms apart, and so are the records; what is no number of float32 is 0 there."""
     touched = [
         replace(one, finger="thumb", t_ns=k * 40_000_000, taken_ns=k * 40_000_000)

@@ -32,7 +32,6 @@ from tega.runtime.files.tables.table import (
 from tega.runtime.lifecycle import require
 
 _BLOCK_BYTES = 4 * 2**20
-_FRAMES = 65_536
 _ONSET = re.compile(rb"([+-]\d+(?:\.\d*)?)(?:\x15[\d.]*)?\x14")
 
 
@@ -161,15 +160,11 @@ def open_wav(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
             n_frames = min(file.getnframes(), path.stat().st_size // max(1, n_channels * width))
             if n_frames * n_channels * 8 > MOST_MIB * 2**20:
                 raise RecordingError(f"{path.name}: more than {MOST_MIB} MiB of numbers", "cut the recording")
-            samples, at = np.empty((n_frames, n_channels)), 0
-            while at < n_frames and (data := file.readframes(min(_FRAMES, n_frames - at))):
-                rows = _numbers(data[: len(data) // (n_channels * width) * n_channels * width], width)
-                rows = rows.reshape(-1, n_channels)
-                samples[at : at + len(rows)] = rows
-                at += max(1, len(rows))
+            data = file.readframes(n_frames)
     except (wave.Error, EOFError) as error:
         raise RecordingError(f"{path.name}: {error}", "export it as WAV of 16-bit PCM") from error
-    samples = samples[:at]
+    whole = len(data) // (n_channels * width) * n_channels * width
+    samples = _numbers(data[:whole], width).reshape(-1, n_channels)
     columns = judged_columns([], samples[:MOST_JUDGED])
     for column in columns:
         column.unit, column.holds, column.why = "counts", "channel", ""

@@ -116,12 +116,9 @@ def _role(text: str, unit: str) -> Role:
         alone = ""  # T1 and X2 are as good names of muscles as any
     role: Role = "unknown"
     if not plain:
-        role = "unknown"
-    elif (
-        (unit in SECONDS and alone in _MAY_BE_TIME)
-        or _ALWAYS_TIME.intersection(plain)
-        or alone in _ALONE_TIME - {"x"}
-    ):
+        return role
+    is_time = (unit in SECONDS and alone in _MAY_BE_TIME) or _ALWAYS_TIME.intersection(plain)
+    if is_time or alone in _ALONE_TIME - {"x"}:
         role = "time"
     elif _COUNTER.issuperset(plain) and (len(plain) > 1 or alone) and _COUNTER_CORE.intersection(plain):
         role = "unknown" if _MUSCLE.intersection(plain) else "counter"
