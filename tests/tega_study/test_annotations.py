@@ -274,7 +274,7 @@ def test_a_state_without_an_end_lasts_to_the_trials_end_and_is_noted(
 
 def test_keys_code_events_at_the_moment_that_is_played(tmp_path: Path) -> None:
     recording, played = tmp_path / "a.mcap", SimpleNamespace(at_s=1.0)
-    with annotation_keys(recording, "r1", played) as press:
+    with annotation_keys(recording, "r1", lambda: played.at_s) as press:
         message = []
         for t_s, key in ((1, "s"), (2, "d"), (2.5, "x"), (3, "u"), (4, "d"), (5, "q"), (6, "d")):
             played.at_s = float(t_s)

@@ -19,7 +19,7 @@ from tega.config.choose import preset_metric
 from tega.errors import ConfigError
 from tega.recording import export, growing_table
 from tega.recording.export import export_file
-from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet, GrowingTable
+from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
 from tega.recording.mcap_reader import read_ahead
 from tega.runtime.call_beside import called_beside
 from tega.runtime.files.csv_tables import cell_text
@@ -140,8 +140,9 @@ def test_an_export_keeps_few_messages_and_rows_of_any_recording(kind, lossless, 
         write(table, columns)
         assert getattr(table, "_n_waiting", 0) < 16
 
-    write = GrowingCsv._write if kind == "csv" else GrowingParquet._write
-    monkeypatch.setattr(GrowingCsv if kind == "csv" else GrowingParquet, "_write", counted)
+    growing = GrowingCsv if kind == "csv" else GrowingParquet
+    write = growing.add
+    monkeypatch.setattr(growing, "add", counted)
     monkeypatch.setattr(export, "_MESSAGES_KEPT", n_kept)
     monkeypatch.setattr(growing_table, "_ROWS_PER_GROUP", 16)
     parts = export_file(lossless, tmp_path / "parts", kind=kind)

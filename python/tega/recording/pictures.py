@@ -86,13 +86,6 @@ class _Batch(Generic[Item, Result]):
         self.items: list[Item] = []
         self.future: Future[deque[Result | Exception]] | None = None
 
-    def next_result(self) -> Result:
-        assert self.future is not None
-        result = self.future.result().popleft()
-        if isinstance(result, Exception):
-            raise result
-        return result
-
 
 def compute_ahead(
     items: Iterable[Item],
@@ -115,9 +108,10 @@ def compute_ahead(
         newest: dict[str, Future[deque[Result | Exception]] | None] = {}
         n_ahead = 0
 
-        def submit(name: str) -> None:
+        def submit(name: str) -> Future[deque[Result | Exception]]:
             batch = filling.pop(name)
             batch.future = newest[name] = pool.submit(_computed, compute, batch.items, newest.get(name))
+            return batch.future
 
         def first() -> tuple[Item, Result | None]:
             nonlocal n_ahead
@@ -125,9 +119,10 @@ def compute_ahead(
             if not name:
                 return item, None
             n_ahead -= 1
-            if batch.future is None:
-                submit(name)
-            return item, batch.next_result()
+            result = (batch.future or submit(name)).result().popleft()
+            if isinstance(result, Exception):
+                raise result
+            return item, result
 
         nothing = _Batch[Item, Result]()
         for item in items:

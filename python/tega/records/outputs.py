@@ -31,11 +31,12 @@ class BusFrame(msgspec.Struct, frozen=True):
 
 def bus_frames(frames: Iterable[Any]) -> tuple[BusFrame, ...]:
     """Return frames of :mod:`tega.wire` or :mod:`tega.hand.link` as parts of a record."""
-    return tuple([BusFrame(*frame) if len(frame) == 3 else _received(*frame) for frame in frames])
-
-
-def _received(number: int, data: bytes, remote: bool, extended: bool, error: bool) -> BusFrame:  # noqa: FBT001
-    return BusFrame(number, bytes(data), remote, extended + 2 * error)
+    return tuple(
+        [
+            BusFrame(number, bytes(data), remote, flags[0] + 2 * flags[1] if flags else 0)
+            for number, data, remote, *flags in frames
+        ]
+    )
 
 
 def frames_text(frames: Iterable[Any]) -> str:

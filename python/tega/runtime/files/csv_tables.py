@@ -63,12 +63,10 @@ class CsvWriter:
         self._file = path.open("w", encoding="utf-8", newline="\n")
         self._lines: list[str] = [",".join(map(cell_text, columns)) + "\n"]
         self._most_lines = most_lines
-        self.n_rows = 0
 
     def write(self, *lines: str) -> None:
         """Add lines; each ends with a newline."""
         self._lines.extend(lines)
-        self.n_rows += len(lines)
         if len(self._lines) >= self._most_lines:
             self.flush()
 
