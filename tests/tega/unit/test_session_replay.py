@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from reference.command import call
 from reference.parts import observed
-from reference.sessions import SECONDS, record, rewritten, stream, tree
+from reference.sessions import SECONDS, read_recorded, record, rewritten, stream, tree
 from tega.config import SessionConfig, check_tree
 from tega.errors import RecordingError
 from tega.loop import run_session
@@ -25,7 +25,7 @@ from tega.recording.replay import recompute, replay_file
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.inbox import RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError
-from tega.records import HandCommand
+from tega.records import Contact, HandCommand, VestFrame
 from tega.records.bus import Bus
 from tega.safety.guard import Guard
 
@@ -46,6 +46,9 @@ def test_a_lossless_recording_is_computed_again_bit_for_bit(lossless: Path) -> N
         "/vest/frame": (46, 46, 0),
         "/hand/frames": (n_hand, n_hand, 0),
     }
+    kept = read_recorded(lossless)
+    assert {one.known_ns - one.taken_ns for one in kept.of(Contact)} == {0}
+    assert {one.handed_ns - one.t_ns for one in kept.of(VestFrame)} == {0}
 
 
 @pytest.mark.parametrize("lossless", [True, False])
