@@ -6,7 +6,7 @@ import math
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
 from operator import attrgetter, methodcaller
 from pathlib import Path
@@ -247,9 +247,11 @@ def _shape_parts(descriptor: Any) -> list[Callable[[Any], Any]]:
         if _optional(field):
             parts.append(methodcaller("HasField", field.name))
         elif part in {"NamedValue", "JointState"}:
-            parts.append(lambda value, name=field.name: tuple([one.name for one in getattr(value, name)]))
+            parts.append(
+                partial(lambda name, value: tuple([one.name for one in getattr(value, name)]), field.name)
+            )
         elif field.is_repeated and part is None and descriptor.full_name != "tega.EmgSamples":
-            parts.append(lambda value, name=field.name: len(getattr(value, name)))
+            parts.append(partial(lambda name, value: len(getattr(value, name)), field.name))
         elif field.name in {"layout", "n_channels"}:
             parts.append(attrgetter(field.name))
     return parts

@@ -59,7 +59,8 @@ def test_mutants_end_in_samples_or_in_errors_of_tega(kind: str, n: int, tmp_path
 
     def read(path: Path) -> None:
         found = read_signals(path, Reading(channels=writer.channels(3) if writer.channels else ()))
-        assert (found.samples.dtype, found.samples.ndim) == (np.float64, 2)
+        assert found.samples.dtype == np.float64
+        assert found.samples.ndim == 2
 
     reader = (writer.name, lambda folder: content_of(kind, folder, samples), read)
     ends_with_errors_however_mutated(reader, kind, -(-n // n_alike), tmp_path)

@@ -245,7 +245,9 @@ def test_a_data_set_has_contact_and_intent_as_they_were_recorded(contacts, inten
     assert np.array_equal(episode.columns["observation.touch"].values, _as_stored(touch))
     further = [(one.area_mm2, one.depth_mm, one.force_n) for one in wanted]
     if np.isfinite(_as_float32(further)).any():
-        assert np.array_equal(episode.columns["observation.touch_si"].values, _as_stored(further))
+        column = episode.columns["observation.touch_si"]
+        assert column.names == ["thumb.area_mm2", "thumb.depth_mm", "thumb.force_n"]
+        assert np.array_equal(column.values, _as_stored(further))
     else:
         assert "observation.touch_si" not in episode.columns
     levels = episode.columns["observation.emg_levels"].values
