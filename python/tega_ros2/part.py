@@ -14,7 +14,7 @@ import numpy as np
 from tega.errors import ConfigError
 from tega.hand import JOINT_LIMITS_RAD, JOINT_NAMES
 from tega.hand.poses import ClosureScale
-from tega.loop.hand_poll import hand_closure as closure_scale
+from tega.loop.hand import hand_closure as closure_scale
 from tega.loop.parts import PartContext, RunStart
 from tega.records.display import Notice
 from tega.runtime.threads import run_realtime

@@ -13,7 +13,7 @@ from tega.errors import InvalidValueError
 from tega.hand.poses import ClosureScale
 from tega.haptics import Layout, MotorLevels
 from tega.loop.beside import measure_beside_on
-from tega.loop.hand_poll import HandPolls
+from tega.loop.hand import HandPolls
 from tega.loop.loop import DualLoop
 from tega.loop.outputs import HandOutput, Sink, VestOutput
 from tega.loop.snapshot import LoopView, Moments, Snapshot

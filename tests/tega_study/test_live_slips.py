@@ -20,7 +20,7 @@ from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
 from tega.hand.poses import ClosureScale
-from tega.loop.hand_poll import HandPolls, fresh_angles_rad, open_hand_polls
+from tega.loop.hand import HandPolls, fresh_angles_rad, open_hand_polls
 from tega.loop.inbox.stream import PulledStream
 from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, ReflexInputs, open_reflex
@@ -261,11 +261,10 @@ def test_a_reflex_is_told_no_closure_of_a_hand_that_has_told_no_angles() -> None
 
 def test_the_settings_choose_what_tells_slips() -> None:
     hand = _plain_hand([0.5] * 16)
-    arm: Any = SimpleNamespace(height_m=lambda: 0.1)
 
-    def looks(*sets: str, hand: Any = hand, arm: Any = arm) -> HandPolls | None:
+    def looks(*sets: str, hand: Any = hand, height_m: Any = lambda: 0.1) -> HandPolls | None:
         config = load_config(None, environ={}, sets=sets).config
-        return open_hand_polls(config, hand=hand, arm=arm, now_ns=lambda: 0)
+        return open_hand_polls(config, hand=hand, height_m=height_m, now_ns=lambda: 0)
 
     check = looks()
     assert check is not None
@@ -275,7 +274,7 @@ def test_the_settings_choose_what_tells_slips() -> None:
     assert looks("stages.slips=hand") is not None
     assert looks("stages.slips=touch") is None
     assert looks(hand=None) is None
-    assert looks(arm=None) is None, "without a height nothing is known of a lift-off"
+    assert looks(height_m=None) is None, "without a height nothing is known of a lift-off"
     with pytest.raises(ConfigError, match=r"stages\.slips"):
         looks("stages.slips=joints")
 

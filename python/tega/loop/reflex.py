@@ -1,9 +1,7 @@
 """Add the reflex to the closure that the participant asks for, within bounds that no reflex can exceed.
 
-The hand is sent both, and applies the addition beside its moves from level to level
-(:class:`tega.hand.HandController`); its own limits of torque and speed come after it. The addition is 0 or more, so
-it never opens a hand that holds. It is 0 as soon as the participant opens the hand, and is taken back when the
-participant loosens the grip, so it never holds on to an object that the participant releases.
+The hand is sent both; its own limits come after them. The addition is 0 or more, so it never opens a hand that holds.
+It is 0 as soon as the participant opens the hand, and is taken back when the participant loosens the grip.
 """
 
 from __future__ import annotations
@@ -17,7 +15,7 @@ from tega.config import ReflexSection, SessionConfig
 from tega.config.choose import grip_reflex
 from tega.devices.base import SteeredHand
 from tega.loop.adapting import on_press
-from tega.loop.hand_poll import fresh_angles_rad, hand_closure
+from tega.loop.hand import fresh_angles_rad, hand_closure
 from tega.loop.snapshot import LoopView
 from tega.records import Contact, Event, ReflexGrip
 from tega.records.bus import Bus
@@ -63,10 +61,7 @@ class ReflexDial:
 class ReflexInputs(NamedTuple):
     """Circumstances of the reflex at a tick, which a replay takes from the recording.
 
-    Attributes:
-        authority: Share of the largest addition that it may use, 0 to 1.
-        allowed: Whether the run is active: in a hold nothing is added.
-        measured: Closure of the hand by its joints, levels; ``None`` where no hand is measured.
+    ``allowed`` is whether the run is active, ``measured`` the closure by the hand's joints, levels, ``None`` without.
     """
 
     authority: float
@@ -84,9 +79,8 @@ class ReflexArc:
     (own closure 1.25 or less). The target is 0 without a finger that touches, and for up to a second after
     the own closure has fallen by a quarter of a level or more.
 
-    ``snapshot`` returns the circumstances of a tick from its time in nanoseconds; ``notify`` is called with
-    every tick at which the reflex was asked or added something. ``authority`` is that of the last tick;
-    ``added`` is the current addition, ``most_added`` the largest so far, levels.
+    ``snapshot`` returns the circumstances of a tick from its time in nanoseconds; ``notify`` is called with every tick
+    at which the reflex was asked or added something. ``added`` is the current addition, ``most_added`` the largest.
     """
 
     def __init__(
@@ -112,11 +106,7 @@ class ReflexArc:
             self._events.append(event)
 
     def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:
-        """Return the addition of a tick, levels.
-
-        ``own`` is the closure that the person asks for, levels 1 to 5 with fractions; ``contacts`` returns
-        the newest contact of each finger with a fresh frame.
-        """
+        """Return the addition of a tick; ``own`` is the person's closure, levels, ``contacts`` returns fresh ones."""
         now = self._snapshot(t_ns)
         authority = self.authority = now.authority
         if authority <= 0 and self.added <= 0:
@@ -174,11 +164,10 @@ def open_reflex(
     hand: SteeredHand | None,
     authority: Callable[[], float | None] = lambda: None,
 ) -> ReflexArc | None:
-    """Make the reflex of a run; ``None`` where the settings name none.
+    """Make the reflex of a run, which publishes every addition; ``None`` where the settings name none.
 
-    The bus has the button events; every addition is published on it. ``fingers`` have a sensor; ``active`` is
-    whether the run is active; ``hand`` is one that measures its joints. ``authority`` returns the page's
-    choice at each tick; ``None`` for that of settings and button.
+    ``fingers`` have a sensor; ``hand`` is one that measures its joints. ``authority`` returns the page's choice at each
+    tick; ``None`` for that of settings and button.
     """
     reflex, settings = grip_reflex(config.stages, config.session.preset, fingers), config.stages.reflex
     if reflex is None:

@@ -11,8 +11,7 @@ from tega.config import DEFAULT_LAYOUT, DEFAULT_PACE, Pace
 from tega.config.choose import finger_metric
 from tega.loop.adapting import open_adaptation
 from tega.loop.controls import Controls
-from tega.loop.hand import Hand, ModelledAllegro
-from tega.loop.hand_poll import open_hand_polls
+from tega.loop.hand import Hand, ModelledAllegro, open_hand_polls
 from tega.loop.latency import LatencyTrace
 from tega.loop.loop import DualLoop
 from tega.loop.open_streams import StreamMaker, is_fed, latency_trace
@@ -33,10 +32,7 @@ from tega.stages.base import Metric
 
 
 def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) -> dict[str, Any]:
-    """Run the dual loop until it ends, close everything that is open, and write the summary.
-
-    An error that ended the loop is raised after that.
-    """
+    """Run the dual loop until it ends, close everything that is open, and write the summary; then raise its error."""
     config, prepared, sinks, guard = rig.config, rig.prepared, rig.sinks, rig.guard
     session, muscles = config.session, prepared.muscles
     layout = config.vest.layout or DEFAULT_LAYOUT[session.preset]
@@ -136,7 +132,12 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
             ],
         ),
         poll_hand=prepared.poll_hand
-        or open_hand_polls(config, hand=sinks.steered, arm=rig.steering, now_ns=pacer.elapsed_ns),
+        or open_hand_polls(
+            config,
+            hand=sinks.steered,
+            height_m=None if rig.steering is None else rig.steering.height_m,
+            now_ns=pacer.elapsed_ns,
+        ),
     )
 
     facts = RunFacts(rig, layout, pace, loop.report, pacer, trace, real_time, reflex)
@@ -190,7 +191,6 @@ def _publish_states(bus: Bus, pacer: Pacer, guard: Guard, trace: LatencyTrace | 
 
 
 def _pace(rig: Rig, clock: Clock) -> tuple[Pace, Bell | None]:
-    """Pace of the vest, and the bell that a camera's frame rings for it."""
     pace = rig.config.vest.pace or DEFAULT_PACE[rig.config.session.preset]
     fingers = rig.prepared.fingers.values()
     live = isinstance(clock, SystemClock) and any(finger.source.info.live for finger in fingers)
