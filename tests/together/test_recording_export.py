@@ -21,7 +21,7 @@ from tega.recording import export, growing_table
 from tega.recording.export import export_file
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
 from tega.recording.mcap_reader import read_ahead
-from tega.runtime.call_beside import called_beside
+from tega.runtime.child_process import called_beside
 from tega.runtime.files.csv_tables import cell_text
 
 

@@ -21,7 +21,7 @@ from tega.recording.origin import LEAD_IN, note_copy
 from tega.recording.pictures import paired
 from tega.recording.record_columns import channel_columns, emg_source, list_columns, time_column
 from tega.records.outputs import frames_text
-from tega.runtime.call_beside import called_beside
+from tega.runtime.child_process import called_beside
 from tega.runtime.files.foreign_file import MIB, plain_name, reports_damage
 from tega.runtime.lifecycle import require
 

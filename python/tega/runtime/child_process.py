@@ -4,28 +4,27 @@ A log-out, ``systemctl stop`` or a shutdown sends SIGTERM and SIGHUP to every pr
 :func:`start_child` starts ignores both, as it ignores Ctrl-C: it ends in good order when its parent closes its input or
 is gone.
 
-``python -m`` would put the working folder first on the import path, where a file ``can.py`` or ``select.py`` would be
-run instead of the package. A program that is started here finds the packages that this one finds, and nothing in the
-working folder, however TEGA was installed.
+``python -m`` would put the working folder first on the import path, where a file ``can.py`` would be run instead of the
+package. A program that is started here finds the packages that this one finds, and nothing in the working folder.
 
-Python objects go to such a program and back through pipes, pictures and samples as they lie: to the recorder, the
-hand's loop, each scene camera, and what :mod:`tega.runtime.call_beside` calls. Both ends are this version of TEGA,
-started by one person: nothing from outside comes through such a pipe.
+Python objects go through pipes, pictures and samples as they lie. Both ends are this version of TEGA, started by one
+person: nothing from outside comes through such a pipe.
 """
 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import pickle
 import struct
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from io import BufferedReader, BufferedWriter, FileIO
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 _NEW_GROUP: Final = 0x200  # CREATE_NEW_PROCESS_GROUP, which `subprocess` names on Windows only
 # The package's folder goes last: where it is the working folder itself, as in a checkout, nothing else there is
@@ -47,20 +46,13 @@ _PROTOCOL = 5
 
 
 def python_command(module: str, *arguments: str) -> list[str]:
-    """Return the words that run a module of TEGA as a program of its own, isolated from the working folder.
-
-    Start it with :func:`python_environment`, since ``PYTHONPATH`` may name the working folder as well.
-    """
+    """Return the words that run a module of TEGA as a program of its own; start it with :func:`python_environment`."""
     root = str(Path(__file__).resolve().parents[2])
     return [sys.executable, "-P", "-c", _BEGIN, root, module, *arguments]
 
 
 def start_child(module: str, *arguments: str, **popen: Any) -> subprocess.Popen[bytes]:
-    """Start a module of TEGA as a program that only the end of its input ends.
-
-    The program has a process group of its own and ignores HUP, INT, TERM and QUIT, from before its first import. Its
-    children inherit that. The module has to read its standard input and end in good order when that ends.
-    """
+    """Start a module of TEGA as a program, in a group of its own: no signal but the end of its input ends it."""
     words = python_command(module, *arguments)
     words[words.index(_BEGIN)] = _IGNORE + _BEGIN
     return subprocess.Popen(words, stdin=subprocess.PIPE, env=python_environment(), **own_group(), **popen)
@@ -97,10 +89,7 @@ def isolated_workers() -> Iterator[None]:
 
 
 def is_running(pid: int, module: str) -> bool:
-    """Return whether a process runs a module of TEGA now: not ended, stopped or replaced by another program.
-
-    Where the system does not show it (no ``/proc``), the answer is no.
-    """
+    """Return whether a process runs a module of TEGA now, neither ended nor stopped; false without ``/proc``."""
     folder = Path(f"/proc/{pid}")
     try:
         state = folder.joinpath("stat").read_text("ascii", "replace").rpartition(") ")[2][:1]
@@ -111,10 +100,7 @@ def is_running(pid: int, module: str) -> bool:
 
 
 def end_child(child: subprocess.Popen[bytes] | subprocess.Popen[str], patience_s: float) -> int:
-    """Close a program's input and kill it if it outlasts ``patience_s``.
-
-    Return its exit code, negative for the signal that ended it.
-    """
+    """Close a program's input, kill it if it outlasts ``patience_s``, and return its exit code."""
     if child.stdin is not None:
         with contextlib.suppress(OSError):  # it has ended, and words for it are left over
             child.stdin.close()
@@ -139,10 +125,7 @@ class AnswerPipe:
 
 
 def program_pipes() -> tuple[BufferedReader, AnswerPipe]:
-    """Return, in a program that the run has started, the pipes for its requests and the answers.
-
-    Standard output is redirected to the terminal, so that output of libraries does not mix with answers.
-    """
+    """Return, in a started program, the pipes for its requests and the answers; print() goes to standard error."""
     pipe = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     return os.fdopen(os.dup(sys.stdin.fileno()), "rb"), AnswerPipe(pipe)
@@ -185,3 +168,59 @@ def _exactly(pipe: BufferedReader | FileIO, n_bytes: int) -> bytearray:
             raise EOFError
         n_read += n
     return data
+
+
+Result = TypeVar("Result")
+
+
+@contextlib.contextmanager
+def called_beside(
+    function: Callable[..., Result], *arguments: Any, lost: Exception
+) -> Iterator[Callable[[], Result]]:
+    """Begin a call of a module's function in a process, which ends with the block; yield a function that waits for it.
+
+    Arguments and result have to be known to :mod:`pickle`. The waiting function raises what the call raised, or
+    ``lost`` where the process ends without a result, as when memory is short.
+    """
+    child = start_child(__name__, stdout=subprocess.PIPE)
+    assert isinstance(child.stdin, BufferedWriter)
+    assert isinstance(child.stdout, BufferedReader)
+    pipe = child.stdout
+
+    def wait() -> Result:
+        try:
+            verb, found = receive_object(pipe)
+        except EOFError:
+            raise lost from None
+        if verb == "failed":
+            raise found
+        result: Result = found
+        return result
+
+    try:
+        send_object(child.stdin, (function, arguments))
+        yield wait
+    finally:
+        end_child(child, 0.0)
+        pipe.close()
+
+
+def main() -> None:
+    """Call the function that is asked for, and send its result."""
+    requested, answers = program_pipes()
+    function, arguments = receive_object(requested)
+
+    def end_with_caller() -> None:
+        requested.read()
+        os._exit(1)
+
+    threading.Thread(target=end_with_caller, daemon=True).start()
+    gc.freeze()  # modules and types stay: the collector need not look at them again
+    try:
+        answers.say("done", function(*arguments))
+    except Exception as error:  # who asked raises it
+        answers.say("failed", error)
+
+
+if __name__ == "__main__":
+    main()

@@ -38,7 +38,7 @@ from tega.recording.replay.inbox import RecordedGuard, RecordedRun, recorded_arc
 from tega.recording.replay.measured import Measured, PictureError, picture_errors
 from tega.records import ArmTurn, HandCommand, HandExchange, HandLook, Imposed, bus_frames
 from tega.records.bus import Bus
-from tega.runtime.call_beside import called_beside
+from tega.runtime.child_process import called_beside
 from tega.runtime.files.foreign_file import reports_damage
 from tega.wire import CanFrame
 
