@@ -22,8 +22,7 @@ import numpy as np
 from tega import tactile
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
-from tega.haptics.motor_layout import find_layout
-from tega.haptics.torso import HEIGHT, RADIUS, WIDTH, spots
+from tega.haptics.motor_layout import HEIGHT, RADIUS, WIDTH, find_layout, spots
 from tega.recording.opened import Topic
 from tega.recording.record_columns import column_names
 from tega.records import Intent, VestRecord

@@ -27,8 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
-from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout
-from tega.haptics.torso import torso_svg
+from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout, torso_svg
 from tega.runtime.leading_axes import each_number
 
 Layout: TypeAlias = str
@@ -71,10 +70,8 @@ def intensity(
     """Return the motor intensity in percent for a metric's value (Eq 7 to 9).
 
     The logistic law is ``100 / (1 + exp(-k (value - maximum/2)))`` with ``k = 2 ln((1 - e)/e) / maximum``,
-    ``e`` being ``end_value``: the printed ``2 ln 99 / maximum``. The same law serves CCI (front) and EDA
-    (back). It gives exactly 1, 50 and 99 at 0, half of the maximum and the maximum; larger values pass
-    through it. The relative error is below 3e-15 for results above 1e-290, and the result never decreases
-    with ``value``.
+    ``e`` being ``end_value``: the printed ``2 ln 99 / maximum``. It gives exactly 1, 50 and 99 at 0, half of the
+    maximum and the maximum, and never decreases with ``value``; the relative error is below 3e-15 above 1e-290.
 
     Args:
         value: The metric, in its own unit; any finite number, or an array of them.
@@ -128,7 +125,8 @@ class MotorLevels:
     def __post_init__(self) -> None:
         """Refuse frames that no vest could show."""
         if getattr(self.intensities, "dtype", None) != np.uint8:
-            raise DtypeError(f"intensities is {_kind(self.intensities)}, not an array of uint8")
+            kind = getattr(self.intensities, "dtype", f"a {type(self.intensities).__name__}")
+            raise DtypeError(f"intensities is {kind}, not an array of uint8")
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
         n, wanted = len(self.intensities), len(find_layout(self.layout).motors)
@@ -258,10 +256,8 @@ class FeltMap:
 
     ``threshold + i/100 · n · step``, with ``n`` the least ``(100 − threshold) / step`` of all motors:
 
-    the same number of noticeable steps above the threshold, at every motor, and as many of them as the person's
-    weakest motor has. 0 stays exactly 0. A step is taken to be as large everywhere between the threshold and 100 as
-    at the place of its measurement; with equal motors that leaves the range from threshold to 100. Results are
-    rounded half to even.
+    the same number of noticeable steps above the threshold at every motor. 0 stays exactly 0. A step is taken to be as
+    large everywhere between the threshold and 100 as where it was measured. Results are rounded half to even.
 
     Args:
         threshold: Percent, 0 to 99: one number for all motors, or one for each of 40 in the wearer's order; kept as
@@ -328,10 +324,6 @@ def _four(face: str, values: Iterable[float]) -> tuple[float, float, float, floa
         hint = "give thumb, index, middle and ring; 0 for a finger that is not there"
         raise ShapeError(f"{face} has {len(numbers)} numbers, not 4", hint)
     return numbers[0], numbers[1], numbers[2], numbers[3]
-
-
-def _kind(value: object) -> str:
-    return f"an array of {value.dtype}" if isinstance(value, np.ndarray) else f"a {type(value).__name__}"
 
 
 def _read_only(array: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -16,8 +16,7 @@ import tega
 from reference.recordings import baseline, pressed
 from tega.errors import InvalidValueError, MissingExtraError
 from tega.haptics import LAYOUTS, MotorLevels, vest_frame
-from tega.haptics.motor_layout import find_layout
-from tega.haptics.torso import torso_svg
+from tega.haptics.motor_layout import find_layout, torso_svg
 from tega.records import Contact, NamedValue, SentFrame, VestFrame
 from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
