@@ -1,24 +1,5 @@
 """Define every error that TEGA raises on purpose.
 
-::
-
-    TegaError
-    ├── InvalidValueError (ValueError)      a number out of range, not finite, or a bad choice
-    │   └── UnsafeNameError             a name from a file or a message that must not become part of a path
-    ├── ShapeError (ValueError)             an array of the wrong shape or size
-    ├── DtypeError (TypeError)              an array of the wrong element type
-    ├── CalibrationError (ValueError)       maxima or baselines that cannot be used
-    ├── ConfigError (ValueError)            a settings file: unknown key, wrong type, value out of range
-    ├── RecordingError (ValueError)         a recording that is missing, cut short or cannot be parsed
-    ├── WireError (ValueError)              a packet that cannot be encoded
-    ├── FeatureError (RuntimeError)         a feature of another package that fails while it is used
-    └── DeviceUnavailableError (RuntimeError)
-        ├── WrongDeviceError            a device answers, but not the one the settings ask for
-        ├── MissingExtraError (ImportError) a device needs a package that is not installed
-        │   └── MissingToolError        a verb needs a distribution that only a checkout brings
-        ├── StreamContradictionError    a stream's own evidence contradicts what its driver assumes
-        └── SampleRateError                 a source's true sample rate cannot carry the filter
-
 Each message names the thing, the value and its unit; ``hint`` is the next step to take.
 """
 

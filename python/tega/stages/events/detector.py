@@ -156,14 +156,9 @@ class Detector:
         found: list[DetectedEvent] = []
         self._level = level
         # What is no longer measured says nothing: the rules that need it give way to those that do not.
-        if closure is None:
-            self._closure.forget()
-        else:
-            self._closure.add(t_s, closure)
-        if height_m is None:
-            self._height.forget()
-        else:
-            self._height.add(t_s, height_m)
+        self._closure.add(t_s, math.nan if closure is None else closure)
+        self._height.add(t_s, math.nan if height_m is None else height_m)
+        if height_m is not None:
             found += self._lift(t_s, height_m)
         if not tips_mm:  # the other rules take over
             self._sinking.clear()
@@ -181,11 +176,7 @@ class Detector:
         return found
 
     def features(self, t_s: float) -> tuple[float, ...]:
-        """Return the features that a slip is seen by.
-
-        :data:`SINK_FEATURES` where hand, arm and fingertips' places are measured, :data:`HAND_FEATURES` where hand and
-        arm are, else :data:`FEATURES`.
-        """
+        """Return the features of a slip: SINK_FEATURES or HAND_FEATURES as far as measured, else FEATURES."""
         if self._rule() is self._s.sink:
             return (*self._held_features(t_s), *self._sink_features())
         on = [(one, self._trend[finger]) for finger, one in self._quick.items() if one.touching]
@@ -240,11 +231,9 @@ class Detector:
 
     @property
     def _measured(self) -> bool:
-        """Whether closure and height are measured."""
         return not (math.isnan(self._closure.quick) or math.isnan(self._height.quick))
 
     def _rule(self) -> Rule:
-        """Return the slip rule for the quantities that are measured."""
         if self._level is not None and self._measured:
             return self._s.sink if self._sinking else self._s.hand
         return self._s.touch
@@ -303,7 +292,6 @@ class Detector:
         return [] if found is None else [self._as_sure(rule, found)]
 
     def _as_sure(self, rule: Rule, found: DetectedEvent) -> DetectedEvent:
-        """Return a slip as sure as its rule can be."""
         observed = rule in {self._s.sink, self._s.hand}
         return found if observed else found._replace(confidence=UNSURE * found.confidence)
 

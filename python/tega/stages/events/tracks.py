@@ -32,7 +32,7 @@ class TouchFrame(NamedTuple):
 
 
 class TwoMeans:
-    """A quantity's quick and slow mean; NaN before the first value."""
+    """A quantity's quick and slow mean; NaN before the first value, and from a NaN to the next value."""
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
         self._quick_s, self._slow_s = quick_s, slow_s
@@ -48,10 +48,6 @@ class TwoMeans:
             self.quick -= (value - self.quick) * math.expm1(-dt_s / self._quick_s)
             self.slow -= (value - self.slow) * math.expm1(-dt_s / self._slow_s)
 
-    def forget(self) -> None:
-        """Restart with the next value."""
-        self.quick = self.slow = math.nan
-
     @property
     def change(self) -> float:
         """Change of the quantity lately; 0 before the first value."""
@@ -61,8 +57,7 @@ class TwoMeans:
 class Low:
     """Tracks how far a quantity has fallen since a moment, and whether it was ever so low before.
 
-    An object that has slid comes to rest in the grip that it has; it slides again where the grip falls lower
-    still. A value counts as now up to an age of ``before_s``, as before from then on.
+    A value counts as now up to an age of ``before_s``, as before from then on.
     """
 
     def __init__(self, before_s: float) -> None:
@@ -114,11 +109,9 @@ class SinkTrack:
 
 
 class FingerTrack:
-    """One fingertip's contact.
+    """One fingertip's contact: ``mass`` is the logarithm of the map's sum, ``area`` the root of the area, pixels.
 
-    ``since_s`` is when touching began or ended, minus infinity before the first frame. ``mass`` is the
-    logarithm of the pressure map's sum, ``peak`` its largest value, ``area`` the square root of the contact's
-    area, pixels; ``x`` and ``y`` are its centroid, pixels.
+    ``since_s`` is when touching began or ended, minus infinity before the first frame.
     """
 
     def __init__(self, quick_s: float, slow_s: float) -> None:
@@ -131,12 +124,9 @@ class FingerTrack:
         """Take in a frame."""
         if touch.in_contact != self.touching:
             self.touching, self.since_s = touch.in_contact, t_s
-            for course in self._courses:
-                course.forget()
-        if touch.in_contact:
-            values = math.log(max(touch.mass, 1.0)), touch.peak, math.sqrt(touch.eda), touch.x, touch.y
-            for course, value in zip(self._courses, values, strict=True):
-                course.add(t_s, value)
+        values = math.log(max(touch.mass, 1.0)), touch.peak, math.sqrt(touch.eda), touch.x, touch.y
+        for course, value in zip(self._courses, values, strict=True):
+            course.add(t_s, value if touch.in_contact else math.nan)
         self.seen_s = t_s
 
     @property
