@@ -1,7 +1,4 @@
-"""Do what the keys of a run ask for: let its EMG channels adapt, undo that, and take new baselines.
-
-EMG adapts by the conditions for it, the announced target and the undo key.
-"""
+"""Do what the keys of a run ask for: let its EMG channels adapt, undo that, and take new baselines."""
 
 from __future__ import annotations
 
@@ -32,10 +29,7 @@ def on_press(bus: Bus, seat: str, action: Callable[[], None], *, name: str, vita
 
 
 class AdaptationWatch:
-    """Derives the switches of the adaptation from the records on the bus; thread-safe.
-
-    Other programs announce a target with a marker, ``target:0.8``, and end it with ``target:``.
-    """
+    """Derives the switches from records; markers announce a target, ``target:0.8``, and end it, ``target:``."""
 
     def __init__(self, bus: Bus) -> None:
         self._state, self._n_undone = "", 0
@@ -71,10 +65,7 @@ class AdaptationWatch:
 
 
 def open_adaptation(config: SessionConfig, muscles: Muscles, bus: Bus) -> ChannelAdaptation | None:
-    """Make the adaptation of a run's muscles; ``None`` where the settings do not ask for it.
-
-    The bus has the records that allow adaptation; every change is published on it.
-    """
+    """Make the adaptation of a run's muscles, which publishes its changes; ``None`` if the settings want none."""
     settings = config.stages.adaptation
     if not settings.on or muscles.decoder is None:
         return None
@@ -87,11 +78,7 @@ REZERO_KEY: Final = "b"
 
 
 class FingerRezero:
-    """Takes a finger's new baseline before its next picture is measured.
-
-    A press of the seat ``rezero`` on the bus is a request. ``loaded`` of ``metric`` has to be set before each
-    picture; ``report`` counts baselines that were taken and that were refused.
-    """
+    """Takes a finger's new baseline before its next picture is measured, for a press of the seat ``rezero``."""
 
     def __init__(self, bus: Bus, metric: Metric, report: SourceReport) -> None:
         self._metric, self._report = metric, report

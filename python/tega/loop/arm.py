@@ -60,10 +60,9 @@ class Steering:
         self._last_ns: int | None = None
 
     def start(self, bus: Bus, start_ns: int, *, may_move: Callable[[], bool]) -> None:
-        """Begin to lead the arm; ``start_ns`` is the session's start on the monotonic clock.
+        """Begin to lead the arm in a thread; ``start_ns`` is the session's start on the monotonic clock.
 
-        Every turn and its command are published from the arm's thread, which calls ``may_move`` at every
-        turn: the arm holds while that is false.
+        Every turn is published. The arm holds while ``may_move``, called at every turn, is false.
         """
         self._start_ns, self._records = start_ns, ArmRecords(bus, start_ns, self._config.mapping)
         self._thread = threading.Thread(target=self._run, args=(may_move,), name="tega-arm", daemon=True)
@@ -207,11 +206,7 @@ class Steering:
 def open_arm(
     stack: ExitStack, config: SessionConfig, inputs: Inputs, *, tracker: Tracker | None = None
 ) -> Steering:
-    """Open arm and tracker of the settings; the stack closes them, the arm last.
-
-    ``inputs`` are the operator's switches; ``tracker`` is used instead of that of the settings.
-    ``ConfigError`` where something that the arm needs is not set, or does not fit.
-    """
+    """Open the arm and its tracker, or the one given; ``ConfigError`` where something is not set, or does not fit."""
     c, seats = config.arm, dict(inputs.seats)
     if c is None:
         raise ConfigError("no arm is set", "set arm.driver")

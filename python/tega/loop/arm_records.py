@@ -135,15 +135,7 @@ def _listed(numbers: Any) -> tuple[float, ...]:
 
 
 class ArmView(NamedTuple):
-    """View of an arm at one moment.
-
-    Attributes:
-        state: State of the tracking chain.
-        clutch: Whether the clutch is pressed.
-        dead_man: Whether the dead-man switch is held.
-        hand_m: Position of the hand, base's axes; ``None`` before it is known.
-        behind_mm: Distance from the target; ``None`` without one.
-    """
+    """View of an arm at one moment; ``hand_m`` is in the base's axes, ``behind_mm`` the distance from the target."""
 
     state: ArmState
     reason: str

@@ -1,8 +1,6 @@
 """Run further metrics and decoders on the pictures and samples of a run, recorded beside the connected ones.
 
-The stages subscribe to the frames and samples of the sources and publish their results. Nothing reaches the vest or
-the hand. In a real-time run the stages work in threads of their own; input that they cannot keep up with is dropped
-and counted.
+In real time they work in threads of their own; input that they cannot keep up with is dropped and counted.
 """
 
 from __future__ import annotations
@@ -34,15 +32,15 @@ _DECODED = ("t_ns", "channels", "level", "closure", "confidence")
 
 def open_beside(stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus) -> None:
     """Have the stages of ``stages.beside`` look on; ``TegaError`` where one rejects its arguments."""
-    maxima = None if prepared.muscles is None else prepared.muscles.maxima
+    muscles = prepared.muscles
     measure_beside_on(
         stack,
         config,
         bus,
         baselines={name: finger.baseline for name, finger in prepared.fingers.items()},
         touch=prepared.calibration.touch,
-        muscles=maxima,
-        live=prepared.muscles is not None and prepared.muscles.source.info.live,
+        muscles=None if muscles is None else muscles.maxima,
+        live=muscles is not None and muscles.source.info.live,
         real=config.session.pace == "real",
     )
 
@@ -60,9 +58,8 @@ def measure_beside_on(
 ) -> None:
     """Run stages on all frames and samples that are published on a bus, which also receives the results.
 
-    The stack ends their threads. ``touch`` gives the maxima of a finger; ``muscles`` is ``None`` without EMG.
-    ``live`` is whether the samples come from a device that runs on its own clock, ``real`` whether the stages
-    work in threads of their own. ``TegaError`` where a stage rejects its arguments.
+    ``touch`` gives the maxima of a finger; ``muscles`` is ``None`` without EMG. ``live`` is whether the samples come
+    from a device that runs on its own clock, ``real`` whether the stages work in threads, which the stack ends.
     """
     used: dict[str, int] = {}
     for wanted in config.stages.beside:

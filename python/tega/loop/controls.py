@@ -1,7 +1,4 @@
-"""Define the controls of a run: the loop polls them at every tick; a page, terminal or program answers.
-
-Among them are tests of single motors while a run is armed, which the loop drives like any frame.
-"""
+"""Define the controls of a run, which the loop polls at every tick, and tests of single motors while it is armed."""
 
 from __future__ import annotations
 
@@ -39,10 +36,9 @@ def lit_frame(silence: MotorLevels, motor: int, percent: int) -> MotorLevels:
 
 
 class MotorTests:
-    """Wishes to feel a motor, one at a time.
+    """Wishes to feel a motor, one at a time, while the run is armed.
 
-    Requests are accepted only while the run is armed, and end with that state. The frame takes the way of every
-    frame: through the driver's limits and into the wearer's daily dose.
+    The frame takes the way of every frame: through the driver's limits and into the wearer's daily dose.
     """
 
     def __init__(self) -> None:
@@ -55,11 +51,7 @@ class MotorTests:
         self._bus = Bus()
 
     def begin(self, refused: Callable[[], str], bus: Bus) -> None:
-        """Join a run; the begin and end of a test are published on the bus.
-
-        ``refused`` returns why no motor may be tried now; ``""`` if one may, while the run's frames are
-        silent.
-        """
+        """Join a run, whose bus gets the tests; ``refused`` returns why no motor may be tried now."""
         self._refused, self._bus = refused, bus
 
     def ask(self, motor: int) -> MotorAnswer:
@@ -105,13 +97,12 @@ class MotorTests:
             return
         motor = self._running[0]
         percent = 0 if sent is None else int(sent.intensities[motor])
-        if percent:
-            self._answer_with(done=True, words=f"motor {motor} vibrates at {percent} %")
-            return
-        self.end(t_ns)
-        unreached = "the vest is not reached, or its limits allow it no more"
-        why = "the run has no vest" if sent is None else unreached
-        self._answer_with(done=False, words=f"not tried: {why}")
+        words = f"motor {motor} vibrates at {percent} %"
+        if not percent:
+            self.end(t_ns)
+            unreached = "the vest is not reached, or its limits allow it no more"
+            words = f"not tried: {'the run has no vest' if sent is None else unreached}"
+        self._answer_with(done=bool(percent), words=words)
 
     def end(self, t_ns: int) -> None:
         """End a test, if there is one."""

@@ -59,10 +59,7 @@ _LARGEST = 1e100
 class Switches(NamedTuple):
     """Switches of the adaptation, as they are at the end of a block.
 
-    Attributes:
-        allowed: Whether anything may change.
-        target: Closure that the participant is asked to hold, 0 to 1; ``None`` if no target was announced.
-        n_undone: Number of presses of the undo key.
+    ``target`` is the closure that the participant is asked to hold, 0 to 1; ``None`` if no target was announced.
     """
 
     allowed: bool = False
@@ -98,11 +95,10 @@ class _Amplitude:
 
 
 class ChannelAdaptation:
-    """Adapts the channels of one source as their samples come; ``settings`` limit the change per minute.
+    """Adapts the channels of one source as their samples come.
 
     ``switches`` is called at the end of every block with the number of samples so far, ``notify`` with every
-    change of the switches and of gains and offsets. ``gains`` and ``offsets`` are float64 (channels,),
-    offsets in the unit of the samples.
+    change. ``gains`` and ``offsets`` are float64 (channels,), offsets in the unit of the samples.
     """
 
     def __init__(
@@ -165,10 +161,7 @@ class ChannelAdaptation:
         return made
 
     def decoded(self, blocks: Sequence[Intent], t_ns: int) -> None:
-        """Take the intents of the samples just adapted; update gains and offsets at a block's end.
-
-        ``t_ns`` is the time of the newest of the samples.
-        """
+        """Take the intents of the samples just adapted; at a block's end, update gains and offsets."""
         if blocks:
             self._text = blocks[-1]
         if self._n_block < self._block:

@@ -1,10 +1,8 @@
 """Watch the condition of muscles and electrodes: fatigue by the median frequency, moved electrodes by their pattern.
 
-Both are evaluated once a second, on the seconds in which a muscle works. A tired muscle's spectrum moves down:
-fatigue is reported if the median frequency of a channel has fallen and is still falling. An electrode that has moved
-measures another muscle, so the effort is distributed over the channels differently than at the beginning of the run.
-The findings are reported and recorded only, and a person decides what to do. They depend only on the samples, however
-these are cut into chunks.
+Both are evaluated once a second, on the seconds in which a muscle works. A tired muscle's spectrum moves down, and goes
+on falling. An electrode that has moved measures another muscle, so the effort is distributed over the channels
+differently. The findings are reported and recorded only; they depend only on the samples, however these are cut.
 """
 
 from __future__ import annotations
@@ -48,14 +46,9 @@ _MOST_CHUNKS = 4096
 
 
 def median_frequency(samples: NDArray[np.float64], rate_hz: float) -> NDArray[np.float64]:
-    """Return the frequency that halves the power of each channel from 20 to 450 Hz.
+    """Return the frequency that halves the power of each channel from 20 to 450 Hz, (channels,); NaN for none.
 
-    Args:
-        samples: float64 (n, channels), all of them numbers.
-        rate_hz: Samples per second.
-
-    Returns:
-        float64 (channels,), Hz; NaN for a channel without any power there.
+    ``samples`` are float64 (n, channels), all of them numbers.
 
     Example:
         >>> at_s = np.arange(1000) / 1000
@@ -79,8 +72,7 @@ class ConditionWatch:
         self._names, self._full = maxima.channels, np.array(maxima.maxima)
         self._raw, self._rate_hz = maxima.kind == "raw", maxima.rate_hz
         self._n_window = max(2, round(maxima.rate_hz))
-        self._waiting: list[NDArray[np.float64]] = []
-        self._n_waiting = 0
+        self._waiting = np.empty((0, len(self._names)))
         self._n_samples = self._next_index = 0
         self._frequencies: list[deque[tuple[float, float]]] = [deque(maxlen=_MOST_S) for _ in self._names]
         self._first: list[list[float]] = [[] for _ in self._names]
@@ -90,25 +82,19 @@ class ConditionWatch:
         self._usual: dict[bool, NDArray[np.float64] | None] = {False: None, True: None}
 
     def take(self, chunk: EmgChunk) -> list[MuscleCondition]:
-        """Take the next samples; return the condition at the end of each second of effort that they complete.
-
-        A second in which samples are missing is passed over.
-        """
+        """Take samples; return the condition after each second of effort in which no sample is missing."""
         found, samples = [], chunk.samples
         if chunk.first_index > self._next_index:
-            self._waiting, self._n_waiting = [], 0
+            self._waiting = self._waiting[:0]
             self._n_samples += chunk.first_index - self._next_index
         self._next_index = chunk.first_index + len(samples)
         while len(samples):
-            part, samples = np.split(samples, [self._n_window - self._n_waiting])
-            self._waiting.append(part)
-            self._n_waiting += len(part)
+            part, samples = np.split(samples, [self._n_window - len(self._waiting)])
+            self._waiting = np.concatenate([self._waiting, part])
             self._n_samples += len(part)
-            if self._n_waiting == self._n_window:
-                window = np.concatenate(self._waiting)
-                self._waiting, self._n_waiting = [], 0
-                if (one := self._check(window, chunk.t_ns)) is not None:
-                    found.append(one)
+            if len(self._waiting) == self._n_window:
+                one, self._waiting = self._check(self._waiting, chunk.t_ns), self._waiting[:0]
+                found += [] if one is None else [one]
         return found
 
     def _check(self, window: NDArray[np.float64], t_ns: int) -> MuscleCondition | None:
@@ -182,7 +168,6 @@ class ConditionWatch:
 
 
 def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-    """Return the median share of each channel, all of them together 1."""
     middle = np.median(patterns, axis=0)
     found: NDArray[np.float64] = middle / middle.sum()
     return found
@@ -191,10 +176,10 @@ def _middle(patterns: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
 def open_condition(
     stack: ExitStack, config: SessionConfig, prepared: Prepared, bus: Bus
 ) -> Callable[[], str]:
-    """Watch the muscles of a run, unless their samples are decoded somewhere else.
+    """Watch the muscles of a run, unless their samples are decoded somewhere else; publish their condition.
 
-    The function returned gives the current alert, ``""`` for none. Where time is real this is done in a thread, which
-    the stack ends, so that no spectrum delays a source. The condition is published on the bus.
+    The function returned gives the current alert, ``""`` for none. In real time a thread, which the stack ends, does
+    it, so that no spectrum delays a source.
     """
     said, muscles, backlog = "", prepared.muscles, None
     if muscles is None or muscles.decoder is None:

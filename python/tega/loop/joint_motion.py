@@ -30,9 +30,8 @@ class JointMotion:
     """Watches a hand at every tick: learns each joint's noise at rest, waits for motion after a new closure.
 
     A motion counts if the closure was held and the joints stood still for 0.3 s before, and if two differing
-    reports show a joint beyond its threshold. Its time is that of the first of these reports as seen, up to a
-    tick of 3 ms after reception. Commands imposed by a guard, closures taken back before anything moved, and
-    motion from outside do not count.
+    reports show a joint beyond its threshold; its time is that of the first of these reports. Commands imposed by a
+    guard, closures taken back before anything moved, and motion from outside do not count.
 
     ``angles_rad`` returns the joint angles as last reported, float64 (16,), rad; NaN before the first report.
     ``n_unmoved`` counts new closures after which no joint moved for a second; they are in no percentile.
@@ -54,9 +53,8 @@ class JointMotion:
     ) -> tuple[int, ...] | None:
         """Check the hand for motion, after the newest level was commanded.
 
-        ``now_ns`` is since the start of the session; ``level`` is what the muscles ask for, 1 to 5, ``None``
-        if another one is commanded; ``block`` has the stamps of the newest block of EMG: captured, received,
-        measured. Returns these, the stamp of the command, and that of a joint's first motion, once confirmed.
+        ``level`` is what the muscles ask for, 1 to 5, ``None`` if another one is commanded; ``block`` has the stamps of
+        the newest block of EMG. Returns these, the stamp of the command, and that of a joint's first motion.
         """
         angles = self._angles_rad()
         if level is None:

@@ -53,14 +53,12 @@ _PENDING: Final = 64
 
 
 class LatencyTrace:
-    """Follows frames and blocks through the loop; nothing in it waits or grows.
+    """Follows frames and blocks through the loop, and publishes each that has arrived; nothing in it waits or grows.
 
     ``now_ns`` returns the time since the start of the session, at which the monotonic clock shows ``start_ns``. The
     budgets are for the p99 within five seconds: ``budget_ms`` of touch ``in-hand``, or ``own`` if the vest is refreshed
-    at a ``steady`` pace with its intended waits; ``joint_budget_ms`` of the muscles' way to a joint's first motion.
-    ``vests`` report the time of each hand-over. ``answered_ns`` returns when a hand's torques first left at or after a
-    monotonic time, and when the report that they answer arrived. ``motor`` is the motor's measured onset after the
-    hand-over. Every frame and block that has arrived is published on ``bus``.
+    at a ``steady`` pace; ``joint_budget_ms`` of the muscles' way to a joint's first motion. ``answered_ns`` returns
+    when a hand's torques first left at or after a monotonic time, and when the report that they answer arrived.
 
     Attributes:
         warning: The path that is over budget now, and its slowest stage; ``""`` for none.
@@ -125,11 +123,7 @@ class LatencyTrace:
                 return
 
     def vest(self, tick_ns: int, began_ns: int, made_ns: int, *, changed: bool) -> None:
-        """Note that a vest frame was made from fresh contacts, and collect the transports' time stamps.
-
-        It was computed from ``began_ns`` to ``made_ns`` and is written with ``tick_ns``. ``changed`` is
-        whether a vest shows something else with it; camera frames that change nothing do not count.
-        """
+        """Note that a vest frame was made; if no vest shows it (``changed``), its camera frames do not count."""
         fresh = {name: item for name, item in self._fresh.items() if name != "emg"}
         if fresh and changed:
             # What waits in the driver and is sent with a newer frame has been made with the older one.
@@ -168,10 +162,7 @@ class LatencyTrace:
         return 0 if self._joints is None else self._joints.n_unmoved
 
     def commanded(self, level: float | None) -> None:
-        """Note that the newest level was commanded; check whether the hand has sent the one before and moved.
-
-        ``level`` is the muscles', 1 to 5; ``None`` if another one was commanded, as by a guard.
-        """
+        """Note the commanded level, ``None`` if not the muscles'; look for the one before and for a motion."""
         if self._joints is not None:
             moved = self._joints.check(self.now_ns(), level, self._asking)
             if moved is not None:
@@ -257,15 +248,11 @@ class LatencyTrace:
             return ""
         worst = max(stages, key=lambda stage: live[stage].at(0.99))
         ms = f"{spread.at(0.99) / 1e6:.{1 if path == 'touch' else 0}f}"
+        figure = "p99" if spread.n >= LEAST_SAMPLES else "worst"
         return (
-            f"latency: {subject} takes {ms} ms ({_figure(spread)}), {budget_ns / 1e6:g} ms are allowed; "
+            f"latency: {subject} takes {ms} ms ({figure} of {spread.n}), {budget_ns / 1e6:g} ms are allowed; "
             f"most in {worst!r}"
         )
-
-
-def _figure(spread: Histogram) -> str:
-    """Return the p99 with its number of samples; of few samples, the name of the maximum instead."""
-    return f"p99 of {spread.n}" if spread.n >= LEAST_SAMPLES else f"worst of {spread.n}"
 
 
 def _spreads(**paths: Sequence[str]) -> dict[str, dict[str, Histogram]]:

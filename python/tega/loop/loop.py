@@ -1,11 +1,10 @@
 """Run the dual loop: touch back to the wearer, intent forward to the hand, on one clock.
 
-The hand has a tick of 3 ms. The vest has one too, 30 times a second; if ``by_frame`` is set, a frame between two
-ticks wakes the loop, and its change is sent at once.
+The hand has a tick of 3 ms, the vest one of a thirtieth of a second; if ``by_frame`` is set, a frame between two ticks
+wakes the loop, and its change is sent at once.
 
-The loop knows no device by name. Inputs are streams of timestamped items, outputs are sinks, time comes from a pacer,
-and ticks are processed in the order of their deadlines; items stamped at or before a tick are read before it. With
-recorded input and a manual clock the loop is therefore a function: the same input gives the same output.
+The loop knows no device by name. Ticks are processed in the order of their deadlines; items stamped at or before a tick
+are read before it. With recorded input and a manual clock the same input gives the same output.
 """
 
 from __future__ import annotations
@@ -41,16 +40,12 @@ class DualLoop:
     """Runs both loops until their sources end, the time is over, or ``stop`` returns true.
 
     On every way out, an exception included, each vest is sent a frame of zeros and each hand zero torque and
-    SERVO OFF.
+    SERVO OFF. Without EMG there are no ticks of the hand, without tactile sources none of the vest, unless a display
+    has subscribed to them.
 
-    Missing parts cost nothing: without EMG there are no ticks of the hand, without tactile sources none of the vest,
-    unless a display has subscribed to them.
-
-    ``contacts`` are streams of measured frames by finger, thumb first, ``levels`` the intents, ``None`` without EMG.
-    All that comes in and goes out is published on ``bus``; see :mod:`tega.records`. Without a ``guard`` it is always
-    active. ``moments`` makes views of the loop for displays. ``poll_hand`` returns at each tick of the hand, by the
-    level of its command, a reading of hand and arm from which slips are detected, ``None`` where it is too early for
-    one; without it slips are detected by touch alone.
+    ``contacts`` are by finger, thumb first, ``levels`` the intents, ``None`` without EMG. Without a ``guard`` it is
+    always active. ``poll_hand`` returns at each tick of the hand, by the level of its command, a reading of hand and
+    arm from which slips are detected, ``None`` where it is too early for one; without it touch alone detects them.
     """
 
     def __init__(
@@ -101,11 +96,10 @@ class DualLoop:
         stop: Callable[[], bool] = lambda: False,
         endless: bool = False,
     ) -> LoopReport:
-        """Run both loops until they end; the counts and times are in :attr:`report` when an exception ends the run.
+        """Run both loops until they end; :attr:`report` has the counts also when an exception ends the run.
 
-        ``duration_ns`` is ``None`` for the end of the last source. ``stop`` is called before every tick; the loop ends
-        when it returns true. ``endless`` is whether a loop without any source goes on all the same, for an arm or a
-        part.
+        ``duration_ns`` is ``None`` for the end of the last source; ``stop`` is called before every tick. ``endless`` is
+        whether a loop without any source goes on all the same, for an arm or a part.
         """
         self._endless = endless
         report, last_ns, why = self.report, 0, ""
@@ -228,7 +222,6 @@ class DualLoop:
         self._publish_events(self._touch.found)
 
     def _poll_hand(self, t_ns: int) -> None:
-        """Publish a reading of hand and arm, and the slips that it shows."""
         level = self._hand.level
         hand = None if self._poll is None or not level else self._poll(t_ns, level)
         if hand is None:

@@ -1,7 +1,4 @@
-"""Derive maxima from the recording itself, the fallback of a run without a calibration.
-
-The maxima use the whole recording, so a self-calibrated run is not causal; this is noted in its results.
-"""
+"""Derive maxima from the whole recording, the fallback of a run without a calibration, which is then not causal."""
 
 from __future__ import annotations
 
@@ -38,11 +35,7 @@ EMG_PERCENTILE = {"paper": 100.0, "live": 95.0}
 
 
 def touch_maxima(contacts: Sequence[Contact]) -> TouchMaxima:
-    """Derive a finger's maxima from all frames of its recording.
-
-    They are the 99.5 percentiles over the frames in contact, CCI only from contacts of at least 30 pixels;
-    ``None`` where there are none.
-    """
+    """Derive a finger's maxima: 99.5 percentiles over the frames in contact, CCI from those of at least 30 pixels."""
     touching = [contact for contact in contacts if contact.in_contact]
     return TouchMaxima(
         cci_max=_percentile([c.cci for c in touching if c.eda >= LEAST_CONTACT_PX]),
@@ -93,11 +86,14 @@ def emg_conditions(
 def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["paper", "live"]) -> EmgMaxima:
     """Derive the channels' maxima from a whole open recording, which is left at its beginning.
 
-    ``conditions`` are those of :func:`emg_conditions`, returned with the maxima. ``paper`` takes the largest
-    block mean, ``live`` the 95th percentile. ``CalibrationError`` if a channel never moves, or the recording
-    is shorter than one block.
+    ``conditions`` (:func:`emg_conditions`) are returned with the maxima. ``CalibrationError`` if a channel never moves,
+    or the recording is shorter than one block.
     """
-    samples = held_samples(_all_samples(source))
+    chunks = []
+    while not source.ended:
+        if (chunk := source.read(READ_TIMEOUT_S)) is not None:
+            chunks.append(chunk.samples)
+    samples = held_samples(np.concatenate(chunks or [np.empty((0, len(source.info.channels)))]))
     source.open()
     try:
         maxima = channel_maxima(
@@ -111,15 +107,6 @@ def emg_maxima(source: EmgSource, conditions: EmgMaxima, *, preset: Literal["pap
         text = f"EMG {source.info.label}, channels {', '.join(conditions.channels)}: {error.message}"
         raise CalibrationError(text, error.hint) from error
     return msgspec.structs.replace(conditions, maxima=tuple(float(m) for m in maxima))
-
-
-def _all_samples(source: EmgSource) -> NDArray[np.float64]:
-    chunks = []
-    while not source.ended:
-        chunk = source.read(READ_TIMEOUT_S)
-        if chunk is not None:
-            chunks.append(chunk.samples)
-    return np.concatenate(chunks) if chunks else np.empty((0, len(source.info.channels)))
 
 
 def held_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -63,9 +63,8 @@ def is_fed(finger: Finger, metric: Callable[[], Metric]) -> bool:
 class StreamMaker:
     """Makes a run's streams: contacts or intents of live sources by threads, which the stack ends, others on demand.
 
-    Every frame and every chunk of samples is published on the bus. ``start_ns`` is the clock's time at the session's
-    start. ``bell`` wakes the loop for a picture; ``None`` if it has its own pace. ``touching`` knows which live fingers
-    bear a load; ``recorded`` measures the fingers that are recordings.
+    Every frame and every chunk of samples is published on the bus. ``bell`` wakes the loop for a picture; ``None`` if
+    it has its own pace.
     """
 
     def __init__(
@@ -75,11 +74,7 @@ class StreamMaker:
         self.touching, self.recorded = Touching(), stack.enter_context(closing(RecordedFingers()))
 
     def contacts(self, name: str, finger: Finger, metric: Metric | None, *, fed: bool) -> Stream[Contact]:
-        """Make a finger's stream.
-
-        ``metric`` is ``None`` where the pictures are measured already. ``fed`` is whether the source's own thread
-        measures (:func:`is_fed`).
-        """
+        """Make a finger's stream; ``metric`` is ``None`` where the pictures are measured, ``fed`` as :func:`is_fed`."""
         if finger.stream is not None:
             return finger.stream
         if finger.measured is not None:
@@ -98,15 +93,8 @@ class StreamMaker:
         def observe(frame: TactileFrame, received_ns: int) -> None:
             if bus.wants(Picture):
                 at_ns = received_ns if live else None
-                picture = picture_of(
-                    name,
-                    frame,
-                    received_ns=at_ns,
-                    start_ns=start_ns,
-                    loaded=metric.loaded,
-                    rezeroed=rezeroed,
-                )
-                bus.publish(picture)
+                state = {"loaded": metric.loaded, "rezeroed": rezeroed}
+                bus.publish(picture_of(name, frame, received_ns=at_ns, start_ns=start_ns, **state))
 
         def notify(frame: TactileFrame, contact: Contact) -> None:
             if live:

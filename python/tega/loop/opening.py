@@ -1,8 +1,4 @@
-"""Open the sources of a run all at the same time, and make its hand ready meanwhile: each takes its time.
-
-A camera settles, an amplifier's true rate is measured, and the hand's process loads its modules. None of this moves
-anything: outputs that move or vibrate are opened once every source is ready.
-"""
+"""Open the sources of a run all at the same time, and make its hand ready meanwhile; none of this moves anything."""
 
 from __future__ import annotations
 
@@ -17,10 +13,7 @@ from tega.devices.registry import driver_class
 
 
 class Opening:
-    """Opens the EMG of the settings in a thread at once, since it takes the longest, the rest when asked to.
-
-    The stack closes them, once all are open; ``sources`` is whether the run opens those of the settings.
-    """
+    """Opens the EMG of the settings in a thread at once, since it takes the longest, the rest when asked to."""
 
     def __init__(self, stack: ExitStack, config: SessionConfig, *, sources: bool) -> None:
         self._stack, self._config, self._any = stack, config, sources
@@ -51,14 +44,9 @@ class Opening:
         return hand
 
     def sources(self) -> tuple[dict[str, TactileSource], EmgSource | None]:
-        """Wait until all are open; return those of touch by finger, and the EMG.
-
-        Of several errors the finger's that comes first is raised, the EMG's last.
-        """
+        """Wait until all are open; return those of touch by finger, and the EMG, whose error is raised last."""
         n_emg = self._emg is not None
-        for opened in self._opened[n_emg:]:
-            opened.result()
-        for opened in self._opened[:n_emg]:
+        for opened in (*self._opened[n_emg:], *self._opened[:n_emg]):
             opened.result()
         return self._fingers, self._emg
 

@@ -30,9 +30,8 @@ def attempt(problems: list[BaseException], call: Callable[..., Any], *arguments:
 class HandOutput:
     """Steers one hand at every tick of the loop; commands and joint angles are published on the bus.
 
-    ``model`` turns levels into frames for every sink. ``reflex`` adds to the person's level and receives
-    events of touch from the bus. ``trace`` follows blocks of EMG to the hand. ``level`` is the closure of the
-    newest command, with the reflex; 0 before the first and after the last.
+    ``model`` turns levels into frames for every sink. ``level`` is the closure of the newest command, with the reflex;
+    0 before the first and after the last.
     """
 
     def __init__(
@@ -55,11 +54,7 @@ class HandOutput:
     def step(
         self, t_ns: int, level: float, contacts: Callable[[], Mapping[str, Contact]], *, imposed: bool
     ) -> None:
-        """Send the hand the frames of a tick; ``level`` is without the reflex, 1 to 5 with fractions.
-
-        ``contacts`` returns the newest contact of each finger with a fresh frame; ``imposed`` is whether the
-        level is not the muscles' own.
-        """
+        """Send the hand the frames of a tick; ``level`` is without the reflex, ``imposed`` if not the muscles' own."""
         added = 0.0 if self._reflex is None else self._reflex.step(t_ns, level, contacts)
         self.level = level + added
         self._frames = self._model.step(level, added)
@@ -100,7 +95,6 @@ class Sink(Protocol[Sent_contra]):
 
     def write(self, t_ns: int, sent: Sent_contra, /) -> object:
         """Write an output of the loop, with its time since the start of the session."""
-        ...
 
 
 class MotorTrials(Protocol):
@@ -119,11 +113,9 @@ class MotorTrials(Protocol):
 class VestOutput:
     """Makes vest frames and writes them to every vest; ``frame`` is the newest computed, ``None`` before one.
 
-    ``live_vests`` are real and get every frame, too; the frames that they sent are published on the bus, as
-    are frames and changes of ``haptics``. That is called for each frame; every motor rests while it returns
-    false. ``now_ns`` returns the time since the start of the session, ``rate_hz`` is ticks per second.
-    ``by_frame`` is whether a picture between two ticks wakes the loop; the pacer then needs a bell that its
-    source rings.
+    ``live_vests`` are real; the frames that they sent are published, as are frames and changes of ``haptics``. That is
+    called for each frame; every motor rests while it returns false. ``now_ns`` returns the time since the start of the
+    session, ``rate_hz`` is ticks per second. ``by_frame`` is whether a picture between two ticks wakes the loop.
     """
 
     def __init__(

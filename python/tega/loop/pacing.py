@@ -1,8 +1,6 @@
 """Pace a loop by deadlines counted from the start, so that a late tick does not push the ones after it.
 
-Python's collector of cyclic garbage must not hold up a run either: a full collection looks at every object of the
-program, of which imports alone leave some 100,000. Every thread, the hand's among them, waits 15 to 30 ms for it, and
-much longer where another program takes the core meanwhile.
+Python's collector of cyclic garbage must not hold up a run either: every thread waits 15 to 30 ms for a full round.
 """
 
 from __future__ import annotations
@@ -35,13 +33,9 @@ class Pacer:
 
     Attributes:
         bell: Ends a wait early when rung; ``None`` if only deadlines count.
-        late_ns: Lateness of the newest tick.
         tick_ns: The turn of the loop: the deadline last waited for, or when it was woken since.
-        n_waits: Deadlines waited for, with those left out.
-        n_ticks: Deadlines waited for.
+        n_waits: Deadlines waited for, with those left out, ``n_skipped``, since the loop was more than 100 ms late.
         n_overruns: Deadlines that were more than one hand tick (3 ms) late.
-        n_skipped: Deadlines left out because the loop was more than 100 ms late.
-        worst_ns: Lateness of the latest.
         n_late: Number of late deadlines in each bin of :data:`LATE_EDGES_NS`.
     """
 
@@ -63,11 +57,7 @@ class Pacer:
         return self._clock.now_ns() - self.start_ns
 
     def doze(self, t_ns: int) -> int:
-        """Wait for a deadline, or until something has come before it.
-
-        Returns the present time where something has come, else the deadline, which :meth:`wait` finds
-        reached.
-        """
+        """Wait for a deadline, or until something comes before it; return the time then, else the deadline."""
         if self.bell is None or not self.bell.wait((t_ns - self.elapsed_ns()) * 1e-9):
             return t_ns
         now_ns = self.elapsed_ns()

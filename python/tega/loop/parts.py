@@ -32,14 +32,10 @@ __all__ = ["Part", "PartContext", "RunStart", "open_parts"]
 
 
 class PartContext(NamedTuple):
-    """Context in which a feature opens its part.
+    """Context in which a feature opens its part, which ``stack`` closes after the run.
 
-    Attributes:
-        config: The session's settings; ``config.guests`` holds the feature's own tables.
-        bus: Bus of the run.
-        stack: Closes the part, after the run.
-        stop: Returns whether to give up.
-        progress: Reports preparation: ``progress(activity, done, total)``.
+    ``config.guests`` holds the feature's own tables; ``stop`` returns whether to give up; preparation is reported by
+    ``progress(activity, done, total)``.
     """
 
     config: SessionConfig
@@ -53,14 +49,8 @@ class RunStart(NamedTuple):
     """Facts of a run that is about to begin.
 
     Attributes:
-        config: The settings.
-        prepared: The sources, with their baselines and maxima.
-        sinks: The outputs.
-        guard: Watches over the live devices.
         arm_infos: Descriptions of tracker and arm by name; empty without an arm.
         trial: Name of the trial; ``"start"`` where no part names one.
-        layout: Layout of the vest.
-        pace: Pace of the vest.
         observed: Whether a display follows the run.
         real: Whether the session's clock is the machine's monotonic clock.
         start_ns: Zero of the session's times on its clock; 0 before the clock starts.

@@ -40,9 +40,8 @@ FEW_FRAMES, MOST_STRIDE = 5, 30
 def find_baseline(source: TactileSource, given: Path | None, *, finger: str) -> tuple[NDArray[np.uint8], str]:
     """Return a finger's baseline, uint8 (H, W, 3), and a sentence on where it came from, for the summary.
 
-    Without a file it is estimated; a recording is left at its beginning. A file of no picture or of another
-    size is ``RecordingError``. ``CalibrationError`` if there is nothing to estimate it from, or the file is
-    no baseline of these pictures.
+    Without a file it is estimated; a recording is left at its beginning. ``CalibrationError`` if there is nothing to
+    estimate it from; errors of a file are those of :func:`check_baseline`.
     """
     if given is not None:
         baseline = read_image(given, driver=source.info.driver)
@@ -81,16 +80,12 @@ def _frames(source: TactileSource, stride: int | None, most: float = math.inf) -
             fit = min(MOST_FRAMES, max(LEAST_FRAMES, MOST_BYTES // frame.image.nbytes))
             stride = max(1, -(-(source.info.n_items or 1) // fit))
         frames.append(frame.image)
-        _pass_over(source, stride - 1)
+        if isinstance(source, SkippingSource):
+            source.skip(stride - 1)
+        else:
+            for _ in range(stride - 1):
+                source.read(0.0)
     return frames
-
-
-def _pass_over(source: TactileSource, n_frames: int) -> None:
-    if isinstance(source, SkippingSource):
-        source.skip(n_frames)
-        return
-    for _ in range(n_frames):
-        source.read(0.0)
 
 
 _log = logging.getLogger(__name__)
@@ -111,11 +106,9 @@ def prepare(
 ) -> Prepared:
     """Find baselines and maxima.
 
-    Without a calibration file every frame is measured here, once, and the run uses these measurements.
-    ``progress`` is called with the number of frames measured so far; where ``stop`` returns true, this is
-    ``KeyboardInterrupt``. ``settings`` names the settings file in suggested commands. ``origin`` is in words
-    that of maxima that are elsewhere, so that none are needed here, or ``""``. ``CalibrationError`` if the
-    calibration does not fit, or there is none and a source is live.
+    Without a calibration file every frame is measured here, once, and the run uses these measurements. Where ``stop``
+    returns true, this is ``KeyboardInterrupt``. ``origin`` is in words that of maxima that are elsewhere, so that none
+    are needed here. ``CalibrationError`` if the calibration does not fit, or there is none and a source is live.
     """
     preset, path = config.session.preset, config.calibration.file
     conditions = None
@@ -175,10 +168,7 @@ def _other_metric(config: SessionConfig) -> str:
 
 
 def to_be_read(prepared: Prepared) -> Prepared:
-    """Return prepared sources, with frames that were measured beforehand to be read and measured again.
-
-    Used for a run that needs the images: the same frames, the same results.
-    """
+    """Return prepared sources whose frames are all measured in the run, which needs the images."""
     fingers = dict(prepared.fingers)
     for name, finger in prepared.fingers.items():
         if finger.measured is not None:

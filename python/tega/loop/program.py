@@ -204,11 +204,7 @@ class ProgramSession:
     """Session that a program follows and may send to; use it in a ``with`` statement, once.
 
     Iterating yields moments, :class:`tega.loop.LoopView`: at real pace the newest one that the program has not
-    received yet, else every one, and the run waits for the program.
-
-    Args:
-        config: The settings.
-        name: Name of the settings file, for messages.
+    received yet, else every one, and the run waits for the program. ``name`` is the settings file's, for messages.
 
     Attributes:
         config: The settings.
@@ -259,10 +255,7 @@ class ProgramSession:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the run: the vest gets zeros, and the hand is let go.
-
-        Raises the run's error, unless the program ended with one.
-        """
+        """End the run: the vest gets zeros, the hand is let go; raise its error unless the program ended with one."""
         self.close()
         if error is None:
             self._raise()

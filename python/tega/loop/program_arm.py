@@ -74,12 +74,7 @@ class _ProgramTracker(Opened):
 class ProgramArm:
     """Arm of a session, as a program leads it; poses pass the arm's gate, workspace, limits and watchdogs.
 
-    Args:
-        clock: The session's clock.
-        config: The settings.
-
-    Attributes:
-        tracker: Tracker that gives the program's poses to the run; ``None`` where the settings name one, or no arm.
+    ``tracker`` gives the program's poses to the run; it is ``None`` where the settings name one, or no arm.
     """
 
     def __init__(self, clock: Clock, config: SessionConfig) -> None:

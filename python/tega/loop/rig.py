@@ -62,10 +62,7 @@ def watch_over(
     steering: Steering | None,
     condition: Callable[[], str],
 ) -> Guard:
-    """Make the guard of the live devices; recordings cannot be lost and need none.
-
-    ``controls`` allow an armed run to become active and may set a level; the rest are open devices and parts.
-    """
+    """Make the guard of the live devices; recordings cannot be lost and need none."""
     alerts: dict[str, Callable[[], str]] = {"subscribers": bus.problem}
     streams = [
         Watched(name, "tactile", f.source.info.rate_hz, f.report, partial(optional, f.source, "faults"))
@@ -104,7 +101,6 @@ def watch_over(
 
 
 def _first(hands: Sequence[object], name: str) -> str:
-    """Return the first of the hands' reports under this name; empty where there is none."""
     return next(filter(None, (optional(hand, name) for hand in hands)), "")
 
 
@@ -113,11 +109,7 @@ def _faults(subject: str, faults: Sequence[str]) -> str:
 
 
 class Rig(NamedTuple):
-    """Devices and outputs of a run, all of them open.
-
-    ``prepared`` are the sources with baselines and maxima; ``guard`` watches over the live devices;
-    ``steering`` leads the arm; ``parts`` are those of features and of the caller.
-    """
+    """Devices and outputs of a run, all of them open; ``parts`` are those of features and of the caller."""
 
     config: SessionConfig
     bus: Bus
@@ -151,12 +143,7 @@ def open_rig(
     controls: Controls,
     settings: str,
 ) -> Rig:
-    """Open the devices that the settings name; the arguments are those of :func:`tega.loop.run_session`.
-
-    The stack closes all of it. ``opening`` opens the EMG already. ``prepared`` is used instead of the sources
-    of the settings. ``controls`` are asked whether to give up (``KeyboardInterrupt``), and whether an armed
-    run may become active. ``settings`` names the settings file in the commands that an error suggests.
-    """
+    """Open the devices that the settings name; the arguments are those of :func:`tega.loop.run_session`."""
     hand = opening.begin_rest()
     own = open_parts(PartContext(config, bus, stack, controls.stop, progress))
     joined = [*own, *parts]

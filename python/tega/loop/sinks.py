@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 from tega.config import SessionConfig
 from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
-from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.hand.link import HandSpoken
 from tega.loop.inbox.inputs import Inputs, Seat
@@ -20,14 +19,9 @@ from tega.records.bus import Bus
 
 
 class Sinks(NamedTuple):
-    """Outputs of a run: vests, hand and files.
+    """Outputs of a run: vests that are real or only record, hands that only take frames or close their own loop.
 
-    Attributes:
-        live_vests: The vest of the settings, if it is a real one.
-        vests: A vest of the settings that only records, the vest recorder.
-        hands: A hand of the settings that only takes frames, the CAN recorder.
-        steered: A hand of the settings that closes its own loop.
-        tables: Descriptions of the tables in the output folder, vest and hand; empty without one.
+    ``tables`` describe the tables in the output folder; empty without one.
     """
 
     live_vests: list[VestSink]
@@ -56,25 +50,18 @@ def open_sinks(
     stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
 ) -> Sinks:
     """Open the outputs of a run: vest and hand."""
-    live_vests: list[VestSink] = []
-    vests: list[VestSink] = []
-    hands: list[HandDriver] = []
-    steered: SteeredHand | None = None
+    sinks = Sinks([], [], [], None)
     if config.vest.driver is not None:
         vest = stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
-        (live_vests if vest.info.live else vests).append(vest)
+        (sinks.live_vests if vest.info.live else sinks.vests).append(vest)
     if hand is not None:
         _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
-            if config.session.pace == "fast":
-                raise ConfigError(
-                    f"session.pace = 'fast', but {hand.info.label} is live", "set session.pace = 'real'"
-                )
-            steered = hand
-        else:
-            hands.append(hand)
-    return Sinks(live_vests, vests, hands, steered)
+            refuse_live(hand.info, config.session.pace)
+            return sinks._replace(steered=hand)
+        sinks.hands.append(hand)
+    return sinks
 
 
 def _listen(hand: Any, bus: Bus) -> None:

@@ -83,10 +83,7 @@ class LoopView(NamedTuple):
 
     @property
     def picture_to_vest_ms(self) -> dict[str, float]:
-        """Mean age of the fresh pictures in this tick's vest frame, by the delay's name.
-
-        Milliseconds; empty where no finger has a fresh picture.
-        """
+        """Mean age of the fresh pictures in this tick's vest frame, ms, by the delay's name; empty without one."""
         ages_ms = [(self.t_ns - contact.t_ns) / 1e6 for contact in self.felt.values()]
         return {"picture to vest": sum(ages_ms) / len(ages_ms)} if ages_ms else {}
 
@@ -108,11 +105,9 @@ class Snapshot(Record, frozen=True, kw_only=True):
 class Moments:
     """Makes the view of a loop for displays, and publishes it on the bus.
 
-    The bus also has the events of touch. ``hand`` has the joints' angles, ``None`` without EMG; ``guard`` has
-    the run's state; ``trace`` is the latency of touch and motion, ``None`` if it is not traced. ``devices``
-    are the connected ones, out of ``emg``, ``hand`` and ``vest``; the functions ``complete`` add to the view,
-    called one after the other. ``fingers`` are the session's: displays show them, or the vest's four if all are among
-    those.
+    ``hand`` has the joints' angles, ``None`` without EMG. ``devices`` are the connected ones, out of ``emg``, ``hand``
+    and ``vest``; the functions ``complete`` add to the view, one after the other. ``fingers`` are the session's:
+    displays show them, or the vest's four if all are among those.
     """
 
     def __init__(
@@ -186,10 +181,9 @@ class Moments:
         self._bus.publish(self._displayed)
 
     def stopped(self, vest: MotorLevels | None, problems: Sequence[str]) -> None:
-        """Publish the last view as stopped: a display must not go on showing that things move.
+        """Publish the last view as stopped, with errors on the way out: a display must not show that things move.
 
         ``vest`` is the newest frame that the vest confirmed; not zeros if it did not confirm them.
-        ``problems`` are errors on the way out, such as a hand that did not confirm that it was let go.
         """
         if self._displayed is not None and self._guard is not None:
             view = self._displayed.view

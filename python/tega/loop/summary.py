@@ -1,7 +1,4 @@
-"""Sum up a run: counts, rates, maxima and their origin, and everything that was lost or modelled.
-
-No time of day, host or folder is in a summary, so that equal runs give equal bytes.
-"""
+"""Sum up a run, without time of day, host or folder: equal runs give equal bytes."""
 
 from __future__ import annotations
 
@@ -24,11 +21,7 @@ _COUNTS = ("dropped", "missing", "duplicate", "identical", "stuck", "unfit")
 
 
 class RunFacts(NamedTuple):
-    """Facts that a summary is made of.
-
-    ``pacing`` reports how well the deadlines were kept, ``trace`` the latency of frames and blocks, ``None``
-    if no input was live; ``real_time`` is whether the loop's thread went ahead of others.
-    """
+    """Facts that a summary is made of; ``real_time`` is whether the loop's thread went ahead of others."""
 
     rig: Rig
     layout: Layout
@@ -118,7 +111,6 @@ def summarise(state: RunFacts, *, error: BaseException | None = None) -> dict[st
 
 
 def _spared(state: RunFacts) -> dict[str, int]:
-    """Count how many frames the real vests were sent, and how many they showed already."""
     loop, worn = state.loop, state.rig.sinks.live_vests
     given = (loop.n_vest_ticks + loop.n_vest_between) * len(worn)
     spared = min(given, sum(optional(vest, "spared") for vest in worn))
@@ -170,7 +162,6 @@ def _drivers(state: RunFacts, kind: Literal["vest", "hand"]) -> list[str]:
 
 
 def _notes(state: RunFacts) -> list[str]:
-    """Return notes for readers of the tables, one sentence each."""
     notes, rig, prepared, end_ns = [], state.rig, state.rig.prepared, state.loop.end_ns
     elsewhere = any(part.origin for part in rig.parts)
     if not prepared.calibration_name:
@@ -240,7 +231,6 @@ def _repeats(name: str, report: SourceReport, *, live: bool) -> list[str]:
 
 
 def _ending(name: str, report: SourceReport, run_end_ns: int, then: str) -> list[str]:
-    """Say that a source went away or ended before the run did."""
     if report.lost:
         return [f"{name}: lost: {report.lost}; {then}"]
     if report.n_lost:

@@ -35,10 +35,9 @@ class TouchLoop:
     A finger with a newest frame older than 100 ms is not shown to the mapping. With the columns of Eq 7 to 9, a
     finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
-    The keys of ``maxima`` are the fingers in use; ``mirror`` has the faces with reversed columns. ``felt`` evens out
-    the perceived intensity, ``None`` sends the law's own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9.
-    ``found`` are the events that the newest frame showed; none unless the mapping wants them or :meth:`find_events`
-    was called.
+    The keys of ``maxima`` are the fingers in use. ``felt`` evens out the perceived intensity, ``None`` sends the law's
+    own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9. ``found`` are the events that the newest frame
+    showed, if the mapping wants them or :meth:`find_events` was called.
     """
 
     def __init__(
@@ -76,10 +75,7 @@ class TouchLoop:
         self._detector = self._detector or Detector()
 
     def update(self, finger: str, contact: Contact) -> Contact:
-        """Take the contact of one measured frame, as its metric gives it.
-
-        It is returned with the finger, its shares of the maxima and its columns; 0 all of them without contact.
-        """
+        """Take the contact of a frame; return it with the finger, its shares of the maxima and its columns."""
         cci_norm = eda_norm = front = back = 0.0
         if contact.in_contact:
             maxima = self._maxima[finger]
@@ -125,10 +121,7 @@ class TouchLoop:
     def displayed(
         self, t_ns: int, contacts: AnyMapping[str, Contact], events: Sequence[Event]
     ) -> MotorLevels:
-        """Return the vest frame of contacts and events: the mapping's output, evened out for the wearer.
-
-        ``InvalidValueError`` if the mapping gave no finite number for every motor.
-        """
+        """Return the vest frame of contacts and events; ``InvalidValueError`` for a mapping's output that is none."""
         frame = self._made(self.mapping.levels(t_ns, contacts, events))
         return frame if self._felt is None else self._felt.apply(frame)
 

@@ -21,8 +21,7 @@ _AHEAD: Final = 8
 class Touching:
     """Knows which fingers bear a load while each is measured by a thread of its own.
 
-    Whether a finger is loaded when a picture is measured depends on how far the other threads are: it is
-    recorded with the picture, so that a replay measures alike.
+    It depends on how far these are, and is recorded with each picture, so that a replay measures alike.
     """
 
     def __init__(self) -> None:
@@ -65,10 +64,7 @@ class RecordedFingers:
         self._read: ReadAhead[_Found] | None = None
 
     def add(self, name: str, finger: Finger, metric: Metric, watch: FrameWatch = UNWATCHED) -> None:
-        """Add a finger whose source is not live, before anything is measured.
-
-        When ``watch`` observes a frame, the metric knows whether it is ``loaded``.
-        """
+        """Add a finger whose source is not live; its metric is ``loaded`` or not when ``watch`` observes a frame."""
 
         def measure_beside(frame: TactileFrame) -> None:
             metric.loaded = self._touching.beside(name, frame.t_ns)
@@ -86,10 +82,7 @@ class RecordedFingers:
         )
 
     def measured(self, stopped: Callable[[], bool]) -> Iterator[_Found]:
-        """Measure all pictures in the order of their times, in the calling thread.
-
-        An unreadable picture, or one not of its baseline's size, is ``RecordingError``.
-        """
+        """Measure all pictures in the order of their times; ``RecordingError`` for one that cannot be."""
         left = dict(self._contacts)
         while left and not stopped():
             name = min(left, key=lambda finger: self._pictures[finger].next_ns())
@@ -100,10 +93,7 @@ class RecordedFingers:
                 yield _Found(name, None, stop.value)
 
     def contacts(self, name: str) -> Generator[Contact, None, int]:
-        """Yield a finger's contacts; return when its recording ended, nanoseconds; see :meth:`measured`.
-
-        Another thread measures ahead of the consumer; the other fingers' contacts wait for theirs meanwhile.
-        """
+        """Yield a finger's contacts, measured ahead by another thread; return when its recording ended, nanoseconds."""
         waiting = self._waiting[name]
         while True:
             while not waiting and name not in self._ends_ns:

@@ -1,9 +1,7 @@
 """Open a vest with the rest of its wearer's daily dose: every path that makes a motor vibrate goes through here.
 
-The dose on a person's skin in the last 24 hours, over all runs, is kept in a file beside the calibration. It is a day's
-(see docs/evidence/safety.md), so a second run of the day begins where the first one ended. The heat of the motors is
-kept with it and cools down meanwhile, or a quick restart would give a hot motor another half a minute of full drive.
-Times are the machine's time of day: between two runs there is no other clock.
+The dose on a person's skin in the last 24 hours, over all runs, and the heat of the motors are kept in a file beside
+the calibration (see docs/evidence/safety.md). Times are those of day: between two runs there is no other clock.
 """
 
 from __future__ import annotations
@@ -52,10 +50,9 @@ class _Run(msgspec.Struct):
 class KeptDose:
     """Loads a vest's dose from earlier runs into its budget, and stores the dose of this run.
 
-    The person's ``file`` is written when the run begins, every five seconds, and when it ends;
-    ``CalibrationError`` if it cannot be read. ``budget`` is the vest's, before its first frame. ``may_be``
-    are the files of the people that an unnamed wearer may be: for each motor the highest dose among them is
-    added. ``now_s`` is the time of day.
+    The person's ``file`` is written when the run begins, every five seconds, and when it ends; ``CalibrationError`` if
+    it cannot be read. ``may_be`` are the files of the people that an unnamed wearer may be: for each motor the highest
+    dose among them is added. ``now_s`` is the time of day.
     """
 
     def __init__(
@@ -114,7 +111,6 @@ def _of_the_day(file: Path, now_s: float) -> list[_Run]:
 
 
 def _left(runs: Sequence[_Run], now_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the dose of some runs, seconds, and the heat that is left of them."""
     dose_s, heat = np.zeros(40), np.zeros(40)
     for run in runs:
         dose_s += run.dose_s
@@ -161,10 +157,8 @@ def _alone(file: Path) -> Iterator[None]:
 def worn_vest(section: VestConfig, file: Path | None) -> Iterator[VestSink]:
     """Open the vest of some settings, limited to the rest of its wearer's daily dose.
 
-    Whatever makes a motor vibrate opens the vest here: a run, a played one, a study, calibration,
-    ``identify``, the measurement of a motor's onset. ``file`` is the wearer's (:func:`dose_file`), ``None``
-    for one with no stored dose; a driver is set in ``section``. ``DeviceUnavailableError`` also if another
-    program has this wearer's vest open, or may have.
+    Whatever makes a motor vibrate opens the vest here. ``file`` is the wearer's (:func:`dose_file`), ``None`` for one
+    with no stored dose. ``DeviceUnavailableError`` also if another program has this wearer's vest open, or may have.
     """
     vest: VestSink = driver_class(str(section.driver), "vest")(section.options)
     if isinstance(vest, RepeatingVest):

@@ -33,10 +33,8 @@ SEEN_REST_S = 0.001
 class FrameMeter:
     """Measures each frame of one finger once, as they arrive.
 
-    ``baseline`` is untouched, uint8 (H, W, 3); ``report`` is counted up. ``live`` is whether the frames come
-    from a sensor that runs on its own clock; the time ``start_ns`` at the session's start is subtracted from
-    its stamps. ``seq`` is the number of the newest frame, ``None`` before the first, ``next_seq`` that of the
-    frame that should come next.
+    ``baseline`` is uint8 (H, W, 3). ``live`` is whether the frames come from a sensor that runs on its own clock; the
+    time ``start_ns`` at the session's start is subtracted from its stamps. ``seq`` is the newest frame's number.
     """
 
     def __init__(
@@ -61,8 +59,7 @@ class FrameMeter:
     def take(self, frame: TactileFrame) -> Contact | None:
         """Measure a frame; another size than the baseline's is ``RecordingError``.
 
-        The contact is ``None`` for a frame that came again under its number, or of a live sensor without a
-        vote (:mod:`tega.loop.inbox.picture_votes`).
+        ``None`` for a frame that came again under its number, or of a live sensor without a vote.
         """
         report, last, t_ns = self.report, self._last, frame.t_ns - self.start_ns
         contact, may_vote = None, True
@@ -99,11 +96,7 @@ class FrameMeter:
         return contact
 
     def take_sums(self, seq: int, t_ns: int, sums: NDArray[np.int16]) -> Contact:
-        """Measure a picture that is not painted, by its sums over cells; it is taken to differ from the last.
-
-        ``seq`` must not be that of the one before; ``sums`` are those of
-        :meth:`tega.stages.Metric.update_sums` of a metric that ``reads_sums``.
-        """
+        """Measure a picture that is not painted, by its sums; it and ``seq`` are taken to differ from the last."""
         report = self.report
         self.seq = seq
         report.n_missing += max(0, seq - self.next_seq)
@@ -126,11 +119,8 @@ class FrameMeter:
 class FrameWatch(NamedTuple):
     """Functions that follow a finger's frames, called in the thread that measures them.
 
-    Attributes:
-        stamp: Called with each measured frame's time and the monotonic time of its reception.
-        prepare: Called with each frame before it is checked and measured.
-        observe: Called with each frame and the time of its reception.
-        notify: Called with each measured frame and its contact.
+    ``stamp`` and ``notify`` are called for measured frames, ``prepare`` before and ``observe`` with every frame; times
+    are those of reception on the monotonic clock.
     """
 
     stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
@@ -150,9 +140,8 @@ def fed_contacts(
 ) -> Callable[[TactileFrame], None]:
     """Return the function that a sensor's thread calls with each picture; a bad one is dropped and counted.
 
-    ``take`` is called with the contact in each picture, ``fail`` with an unexpected exception; the sensor's
-    thread continues. ``watch.observe`` is called after the measurement was passed on, so that recording
-    delays nothing.
+    ``fail`` is called with an unexpected exception; the thread continues. ``watch.observe`` is called after the
+    contact was passed to ``take``, so that recording delays nothing.
     """
 
     def measure(frame: TactileFrame) -> None:
@@ -195,12 +184,9 @@ def measured_contacts(
 ) -> Generator[Contact, None, int]:
     """Measure the frames of an open source; returns the time at which it ended, nanoseconds.
 
-    In a recording a bad frame is an error. Of a live source it is dropped and counted. When the source goes
-    away the finger falls silent after 100 ms; it is opened again, once a second, until that works or the run
-    ends. Frames that the source delivers again are passed over; of a live source so are the third and later in a row
-    with the same pixels, as of a stuck sensor.
-
-    ``watch.observe`` is called before the measurement. ``stopped`` returns true to stop reading.
+    Errors and losses are those of :func:`read_measured`. Frames that the source delivers again are passed over; of a
+    live source so are the third and later in a row with the same pixels, as of a stuck sensor. ``watch.observe`` is
+    called before the measurement.
     """
 
     def measure(frame: TactileFrame, received_ns: int) -> tuple[TactileFrame, int, Contact | None]:

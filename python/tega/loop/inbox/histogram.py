@@ -10,10 +10,7 @@ LEAST_SAMPLES: Final = 100
 
 
 class Histogram:
-    """Counts numbers in bins a fiftieth wide, in little memory however many there are.
-
-    Percentiles are right within 2 %, the worst is exact.
-    """
+    """Counts numbers in bins a fiftieth wide: percentiles are right within 2 %, the worst is exact."""
 
     _GROWTH = math.log(1.02)
 

@@ -46,10 +46,7 @@ class SeatSeen(NamedTuple):
 
 
 class Inputs:
-    """Looks at all input devices of a run, never waiting for one.
-
-    ``seats`` are the devices by seat; ``seen`` is from the last look.
-    """
+    """Looks at all input devices of a run, by seat, never waiting for one; ``seen`` is from the last look."""
 
     def __init__(self, seats: Mapping[str, Seat]) -> None:
         self.seats = dict(seats)
@@ -115,13 +112,7 @@ class Inputs:
 
 
 class Finger(NamedTuple):
-    """One fingertip, ready to run.
-
-    Attributes:
-        baseline: Its untouched picture.
-        measured: All frames, where they had to be measured beforehand.
-        stream: Contacts of the finger from elsewhere; its source is then not read.
-    """
+    """One fingertip; ``measured`` and ``stream`` are its contacts where they are known, so that no picture is read."""
 
     source: TactileSource
     baseline: NDArray[np.uint8]
@@ -132,13 +123,7 @@ class Finger(NamedTuple):
 
 
 class Muscles(NamedTuple):
-    """The EMG side, ready to run.
-
-    Attributes:
-        maxima: Its maxima and the conditions they hold under.
-        decoder: Samples to intents; ``None`` where they are made somewhere else.
-        stream: The intents, where they are known from somewhere else; its source is then not read.
-    """
+    """The EMG side, ready to run; ``decoder`` is ``None`` where intents are made elsewhere, and come in ``stream``."""
 
     source: EmgSource
     maxima: EmgMaxima
@@ -148,14 +133,10 @@ class Muscles(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """Prepared sources of a run: fingers and muscles.
+    """Prepared sources of a run: fingers by name, thumb first, and muscles.
 
-    Attributes:
-        fingers: By name, thumb first.
-        muscles: The EMG side; ``None`` without EMG.
-        calibration_name: Base name of the maxima's file, or their person; ``""`` when from the recording.
-        poll_hand: Returns at a tick, by the requested level, a reading of hand and arm from another source;
-            those of the run are then not read.
+    ``calibration_name`` is the base name of the maxima's file, or their person; ``""`` when from the recording.
+    ``poll_hand`` returns at a tick, by the requested level, a reading of hand and arm from another source.
     """
 
     fingers: Mapping[str, Finger]

@@ -53,11 +53,7 @@ def untouched_lines(baseline: NDArray[np.uint8]) -> Untouched:
 def picture_fault(
     image: NDArray[np.uint8], untouched: Untouched, before: Sequence[bytes]
 ) -> tuple[str, list[bytes]]:
-    """Return the fault of a picture in words, ``""`` for none, and its edge lines for the next call.
-
-    ``image`` is uint8 (H, W, 3), of the baseline's size, and not the picture before again, whose edge lines
-    are ``before``, empty for the first.
-    """
+    """Return the fault of a picture, ``""`` for none, and its edge lines; ``before`` are those of the one before it."""
     light, lines = vote_lines(image)
     now = [lines[k] for k in untouched.edges]
     share = light / untouched.light if untouched.light else 1.0
@@ -111,11 +107,7 @@ _SAMPLE_STRIDE = 40
 
 
 class KeptPicture(NamedTuple):
-    """The newest measured picture, uint8 (H, W, 3).
-
-    ``sample`` is a copy of some of its pixels, so that a driver that wrongly gives one buffer again and again
-    is not taken for a stuck sensor.
-    """
+    """The newest measured picture, uint8 (H, W, 3), and a copy of some pixels: a driver may reuse one buffer."""
 
     image: NDArray[np.uint8]
     sample: bytes
@@ -130,9 +122,7 @@ def kept_picture(image: NDArray[np.uint8], contact: Contact) -> KeptPicture:
 def is_repeat(image: NDArray[np.uint8], last: KeptPicture) -> bool:
     """Return whether every pixel of a picture, uint8 (H, W, 3), equals the newest one's.
 
-    A picture that is the newest one itself, in memory that cannot be written, needs no comparison. Else the
-    sample decides where the pictures differ in it, which noise sees to; only where it agrees is every pixel
-    compared, so that the answer is exact.
+    Noise makes nearly all pictures differ in the sample; only where that agrees is every pixel compared.
     """
     if image.shape != last.image.shape:
         return False

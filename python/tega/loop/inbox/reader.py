@@ -24,11 +24,7 @@ Produce = Callable[[Callable[[], bool]], Iterable[Given]]
 
 
 class Reader(Generic[Given]):
-    """A thread that passes on the items of an iterator, until that ends or the reader is closed.
-
-    ``take`` is called in it with each item, ``done`` at the end with the iterator's return value and its
-    exception. ``rank`` is its priority, if others wait for its items, as the loop does; ``None`` is ordinary.
-    """
+    """A thread that calls ``take`` with the items of an iterator, then ``done`` with its return value and exception."""
 
     def __init__(
         self,
@@ -75,11 +71,7 @@ class _End(NamedTuple):
 
 
 class ReadAhead(Generic[Given]):
-    """The items of a recording, produced in a thread that reads a little ahead of the consumer.
-
-    Every item arrives, in order: the thread waits when it is far ahead. An exception is raised after the items before
-    it.
-    """
+    """Items of a recording, in order, of a thread that reads a little ahead; an exception comes after them."""
 
     def __init__(self, name: str, produce: Produce[Given], *, capacity: int = 64) -> None:
         self._waiting: queue.Queue[Given | _End] = queue.Queue(capacity)

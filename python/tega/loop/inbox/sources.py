@@ -25,9 +25,7 @@ from tega.stages.base import Decoder
 # Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
 
-# Rates whose samples are a whole number of nanoseconds apart: their times need no rounding.
 _ROUNDING_NS = 1000
-_EVEN_HZ = frozenset({200.0, 250.0, 500.0, 1000.0, 2000.0, 4000.0})
 
 # The level before a fault is looked for among so many blocks; a fault is seen after two thirds of a second at most.
 _KEPT_BLOCKS = 256
@@ -42,12 +40,7 @@ def picture_of(
     loaded: bool = False,
     rezeroed: bool = False,
 ) -> Picture:
-    """Return the record of a picture.
-
-    ``received_ns`` is monotonic, ``None`` for one out of a file; ``start_ns`` is that time at the start of
-    the session. ``loaded`` is whether another finger bore a load, ``rezeroed`` whether a new baseline was
-    taken before it was measured.
-    """
+    """Return the record of a picture; ``received_ns`` is monotonic, as ``start_ns``, ``None`` for one out of a file."""
     t_ns = frame.t_ns if received_ns is None else frame.t_ns - start_ns
     return Picture(
         finger=finger,
@@ -85,9 +78,7 @@ def chunk_of(given: EmgSamples) -> EmgChunk:
 
 
 class SourceReport(msgspec.Struct, kw_only=True):
-    """Counts of a source's items: used, dropped, missing, lost.
-
-    Frames measured are ``n_items + n_stuck - n_identical``.
+    """Counts of a source's items; frames measured are ``n_items + n_stuck - n_identical``.
 
     Attributes:
         n_items: Frames or samples used.
@@ -95,14 +86,10 @@ class SourceReport(msgspec.Struct, kw_only=True):
         n_missing: Items that never came, by the gaps in their numbers.
         n_duplicate: Frames delivered again under the number they had before; neither measured nor used.
         n_identical: Frames with a number of their own and exactly the pixels of the one before; not measured.
-        n_stuck: Frames of a live source that were the third or later repeat in a row, duplicate or identical; not
-            used.
+        n_stuck: Frames of a live source that were the third or later repeat in a row; not used.
         n_unfit: Frames of a live source that were dark, torn, or between such ones: neither measured nor used.
-        n_rezeroed: New baselines that were asked for and taken.
         n_rezero_refused: New baselines that were refused, because another finger bore a load or the picture was dark.
         lost: Reason for the current loss of the source; ``""`` while it is there.
-        n_lost: Number of losses.
-        last_lost: Reason for the last loss; ``""`` for none.
         end_ns: Time at which the source ended; ``None`` before.
         faults: Channels of EMG, or faults of a camera, without a vote now, with the reason.
     """
@@ -135,9 +122,8 @@ class SourceReport(msgspec.Struct, kw_only=True):
 class BlockMeter:
     """Turns EMG samples into levels as they come; ``end_ns`` is the time of the newest sample.
 
-    ``report`` is counted up; ``maxima`` have the kind of the samples. ``live`` is whether these come from a
-    device that runs on its own clock; the time ``start_ns`` at the session's start is subtracted from its
-    stamps. ``adaptation`` adapts the decoder's input; ``None`` for unchanged samples.
+    ``live`` is whether these come from a device that runs on its own clock; the time ``start_ns`` at the session's
+    start is subtracted from its stamps. ``adaptation`` adapts the decoder's input.
     """
 
     def __init__(
@@ -169,9 +155,8 @@ class BlockMeter:
     def take(self, chunk: EmgChunk) -> list[Intent]:
         """Take the next samples, (n, channels), in the source's unit; return the intents of complete blocks.
 
-        Samples missing before these, by their numbers, take up time too. For a tenth of a second the last
-        values are held; after that the channels are bad until samples arrive again. Another number of
-        channels than the maxima's is ``ShapeError``.
+        Samples missing before these, by their numbers, take up time too. Another number of channels than the
+        maxima's is ``ShapeError``.
         """
         samples, report, votes, adaptation = chunk.samples, self.report, self._votes, self._adaptation
         n_missing = max(0, chunk.first_index - self._next_index)
@@ -206,15 +191,9 @@ class BlockMeter:
         The last of them has the stated time ``end_ns`` and, from 1 with lost ones, the number ``n_whole``.
         """
         if self._live:
-            times_ns = np.empty(n, np.int64)
-            times_ns.fill(end_ns)
-            return times_ns
-        first = n_whole - n + 1
-        if self._rate_hz in _EVEN_HZ:
-            period_ns = 1_000_000_000 // int(self._rate_hz)
-            times_ns = np.arange(first * period_ns, (first + n) * period_ns, period_ns)
-        else:
-            times_ns = np.rint(np.arange(first, first + n) * 1_000_000_000 / self._rate_hz).astype(np.int64)
+            return np.full(n, end_ns, np.int64)
+        numbers = np.arange(n_whole - n + 1, n_whole + 1)
+        times_ns = np.rint(numbers * 1_000_000_000 / self._rate_hz).astype(np.int64)
         # A file with times of its own is not on the even course of its rate; a microsecond is rounding.
         late_ns = end_ns - int(times_ns[-1]) if n else 0
         return times_ns + late_ns if abs(late_ns) > _ROUNDING_NS else times_ns
@@ -302,12 +281,9 @@ def grasp_blocks(
 ) -> Generator[Intent, None, int]:
     """Turn an open source's samples into levels, one per block; returns when it ended, nanoseconds.
 
-    A block of a recording is stamped with the time at which its last sample was complete, n/rate, however the
-    samples came in chunks. A block of a live source is stamped with the arrival of the chunk that completed
-    it. A live source that goes away is opened again, once a second until that works or the run is over.
-
-    ``stopped`` returns true to stop reading; ``stamp`` is called with each block's time and the monotonic time at
-    which its last samples were received; ``observe`` with the samples that were read, before they are decoded.
+    A block of a recording is stamped with the time at which its last sample was complete, n/rate, one of a live source
+    with the arrival of the chunk that completed it. ``stamp`` is called with each block's time and the monotonic time
+    at which its last samples were received; ``observe`` with the samples that were read, before they are decoded.
     """
 
     def measure(chunk: EmgChunk, received_ns: int) -> tuple[list[Intent], int]:

@@ -1,8 +1,4 @@
-"""Give a loop its timestamped items: computed on demand, or put in by another thread.
-
-An item is a record with a time ``t_ns``, in nanoseconds since the start of the session; a stream's items are in rising
-order of it.
-"""
+"""Give a loop its items, computed on demand or put in by another thread: records in rising order of their ``t_ns``."""
 
 from __future__ import annotations
 
@@ -21,7 +17,6 @@ class StampedRecord(Protocol):
     @property
     def t_ns(self) -> int:
         """Time since the start of the session, nanoseconds."""
-        ...
 
 
 Item = TypeVar("Item", bound=StampedRecord)
@@ -34,28 +29,23 @@ class Stream(Protocol[Item_co]):
     @property
     def ended(self) -> bool:
         """Whether nothing will come any more."""
-        ...
 
     @property
     def end_ns(self) -> int:
         """Time at which the stream ends, if it is known."""
-        ...
 
     @property
     def due_ns(self) -> int:
         """Before this time there is nothing to give."""
-        ...
 
     def next_until(self, t_ns: int) -> Item_co | None:
         """Return the next item known at ``t_ns``, or ``None`` when there is none (yet)."""
-        ...
 
 
 class PulledStream(Generic[Item]):
     """A stream of items that exist already or are computed on demand.
 
-    It ends at the latest of its last item's time, ``end_ns`` and the time that the iterator may return (the
-    last frame lasts one period).
+    It ends at the latest of its last item's time, ``end_ns`` and the time that the iterator may return.
     """
 
     def __init__(self, items: Iterable[Item], *, end_ns: int = 0) -> None:
@@ -127,10 +117,7 @@ class LiveStream(Generic[Item]):
             return nothing_ns
 
     def put(self, item: Item, *, use_by_ns: int = NEVER_NS, next_ns: int = 0) -> None:
-        """Add an item, not before the previous one's time.
-
-        It may be taken until ``use_by_ns`` on the stream's clock; the next one comes at ``next_ns`` or later.
-        """
+        """Add an item, to be taken until ``use_by_ns`` on the stream's clock; none comes before ``next_ns``."""
         with self._lock:
             lost = len(self._items) >= self._capacity
             if lost:
@@ -143,20 +130,14 @@ class LiveStream(Generic[Item]):
         self.on_item()
 
     def end(self, end_ns: int | None = None, error: BaseException | None = None) -> None:
-        """End the stream at ``end_ns``, ``None`` for the time of its last item.
-
-        ``error`` is raised to the loop after the items before it.
-        """
+        """End the stream at ``end_ns`` or its last item; ``error`` is raised to the loop after the items before it."""
         with self._lock:
             self.end_ns = max(self.end_ns, end_ns or 0)
             self._error = error
             self._next_ns, self._stopped = 0, True
 
     def next_until(self, t_ns: int) -> Item | None:
-        """Return the next item stamped at or before ``t_ns`` that has not lapsed, or ``None``.
-
-        Raises the error with which the stream ended.
-        """
+        """Return the next item stamped by ``t_ns`` that has not lapsed, or ``None``; raises the stream's error."""
         while self._items:  # without the lock: there is mostly nothing
             with self._lock:
                 if not self._items or self._items[0][0].t_ns > t_ns:
