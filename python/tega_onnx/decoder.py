@@ -47,12 +47,11 @@ class OnnxDecoder(Decoder):
         model = OnnxModel(options.model, options.card, EmgInput)
         given = model.card.input
         assert isinstance(given, EmgInput)
-        if (given.channels, given.rate_hz) != (len(setup.channels), setup.rate_hz) or len(
-            model.card.outputs
-        ) != 1:
+        n_outputs = len(model.card.outputs)
+        if (given.channels, given.rate_hz, n_outputs) != (len(setup.channels), setup.rate_hz, 1):
             raise ConfigError(
                 f"{options.card.name}: a model of {given.channels} channels at {given.rate_hz:g} Hz with "
-                f"{len(model.card.outputs)} outputs; the muscles have {len(setup.channels)} at {setup.rate_hz:g} Hz",
+                f"{n_outputs} outputs; the muscles have {len(setup.channels)} at {setup.rate_hz:g} Hz",
                 "train one for these muscles, with one output",
             )
         self._given, self._maxima = given, np.array(setup.maxima)

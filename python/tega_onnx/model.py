@@ -27,14 +27,12 @@ _MOST_WAITING: Final = 8
 class Ahead:
     """Gives at each time the result for the newest input that is at least a fixed delay old.
 
-    The result of an input may be used as soon as it is ``delay_ms`` old, and has to be ready by then on the
-    clock as well. In real time the loop does not wait; a recording that is computed faster waits for the
-    computation alone. Both give the same numbers, unless a computation takes longer than the delay; its
-    result then counts as missing.
+    The result of an input may be used as soon as it is ``delay_ms`` old, and has to be ready by then on the clock as
+    well, else it counts as missing. In real time the loop does not wait; a recording that is computed faster waits for
+    the computation alone.
 
-    ``compute`` returns the result of an input, float64 (outputs,), and is called in the thread; ``first`` is
-    the result until the first input is old enough. Inputs less than ``every_ms`` after the last are not
-    computed. ``problem`` is the last error of a computation; ``""`` for none.
+    ``compute`` returns the result of an input, float64 (outputs,), and is called in the thread; ``first`` is the result
+    until the first input is old enough. Inputs less than ``every_ms`` after the last are not computed.
     """
 
     def __init__(
@@ -66,12 +64,11 @@ class Ahead:
 
     def at(self, t_ns: int) -> NDArray[np.float64]:
         """Return the result at a time; NaN where it is missing."""
-        due: tuple[float, Future[NDArray[np.float64]]] | None = None
+        due = None
         while self._waiting and self._waiting[0][0] <= t_ns - self._delay_ns:
-            _, given_s, future = self._waiting.popleft()
-            due = given_s, future
+            due = self._waiting.popleft()
         if due is not None:
-            self._newest = self._result(*due)
+            self._newest = self._result(*due[1:])
         return self._newest
 
     def _result(self, given_s: float, future: Future[NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -1,9 +1,7 @@
 """Turn EMG samples into a closure level (Eq 10 to 13).
 
-`GraspIntent` is the whole forward chain: condition the samples as their kind asks, low-pass at 50 Hz, average
-every ``tau`` samples, put each channel on a level from 1 (open) to 5 (full closure) of its maximum, let the
-channels vote. Its parts are here on their own as well. Everything streams: state is kept between calls, and a
-recording gives bit-identical results however it is cut into chunks.
+`GraspIntent` is the whole chain: low-pass, block means, a level from 1 (open) to 5 (closed) a channel, vote. State is
+kept between calls: a recording gives bit-identical results however it is cut into chunks.
 
 Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one
 copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are a ``DtypeError``.
@@ -157,17 +155,14 @@ class GraspIntent:
     the fused level change once two blocks in a row are on the same side of it (four for a single step back
     against the change before).
 
-    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them,
-    or at once where it is infinite, the channel is bad and has no vote in any block it is bad in; after 100 ms of
-    good samples it is good again, its filters having started afresh. With every channel bad the last fused level is
-    held, 1 if there was none.
+    A sample that is NaN or infinite is replaced by the channel's last good one and counted. After 100 ms of them, or at
+    once where it is infinite, the channel is bad and has no vote, until 100 ms of good samples have come. With every
+    channel bad the last fused level is held, 1 if there was none.
 
     Args:
         rate_hz: Sample rate, Hz; above 100 Hz, which the low-pass needs.
         maxima: Block mean of each channel at maximum effort, ``(channels,)``, as `channel_maxima` gives it.
         tau: Samples per block.
-        kind: "raw", "rectified" or "envelope".
-        preset: "paper" or "live".
         cutoff_hz: Cutoff of Eq 10's low-pass, Hz.
         order: Its order, 1 to 8.
         intervals: Into how many equal parts Eq 11 cuts the range up to the maximum: 4 as printed, or 5, with level 5
@@ -224,14 +219,11 @@ class GraspIntent:
         self._reported = f"{kind}, {rate_hz:g} Hz, blocks of {tau}, preset {preset}"
 
     def __repr__(self) -> str:
-        """Samples, rate, block, preset and channels."""
+        """Conditions and channels."""
         return f"<GraspIntent: {self._reported}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
-        """Take the next samples; return the fused level of each block completed, 1 to 5, ``(k,)``, ``int64``.
-
-        ``ShapeError`` for another number of channels.
-        """
+        """Return the fused level of each block that the samples complete, 1 to 5, ``(k,)``, ``int64``."""
         return self._core.process(_rows(samples, self._channels))
 
     @property
@@ -302,9 +294,7 @@ def fuse_levels(levels: NDArray[np.integer]) -> int | NDArray[np.int64]: ...
 def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int | NDArray[np.int64]:
     """Fuse the channels' levels: the one most agree on (Eq 12), else their mean, rounded down (Eq 13).
 
-    For three channels this is the printed rule. For any number the level with the most votes wins; where
-    several share the most votes, the mean of all levels decides.
-
+    For any number of channels the level with the most votes wins; where several share them, the mean decides.
     ``levels`` are 1 to 5, one a channel, else ``InvalidValueError``; for an array with leading axes, such as
     (k, channels), the result is int64 of those.
 

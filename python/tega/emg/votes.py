@@ -113,7 +113,6 @@ class ChannelVotes:
 
 
 def _words(subject: str, value: float) -> str:
-    """Describe the fault of a channel that is stuck at a value, or nearly all mains of a frequency in Hz."""
     if subject == "stuck":
         return f"stays at {value:g}: electrode off, cable out, or amplifier saturated"
     return f"mostly {value:g} Hz mains: electrode or reference loose, or lifted off"

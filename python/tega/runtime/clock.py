@@ -40,11 +40,7 @@ def _boot_and_asleep_s() -> tuple[float, float]:
 
 
 class Standstill:
-    """Detects that this program did not run: it was stopped, got no processor, or the computer slept.
-
-    Up to ``longest_s`` between two calls of :meth:`pulse` is no standstill; ``slept_s`` is the computer's
-    sleep in the last one.
-    """
+    """Detects that this program did not run for ``longest_s``: stopped, or the computer slept, ``slept_s`` then."""
 
     def __init__(self, longest_s: float) -> None:
         self._longest_s = longest_s
@@ -69,11 +65,9 @@ class Clock(Protocol):
 
     def now_ns(self) -> int:
         """Return the time in nanoseconds; never less than an earlier answer."""
-        ...
 
     def sleep_until(self, t_ns: int) -> None:
         """Return when the clock has reached ``t_ns`` (at once if it already has)."""
-        ...
 
 
 class SystemClock:
@@ -105,10 +99,7 @@ class ManualClock:
 
 
 class PausableClock:
-    """Another clock (``None``: the machine's) without the time for which it was held, ``held_ns`` in all.
-
-    Every wait calls ``paused``: the clock stands still, and the wait lasts, while that is true.
-    """
+    """Another clock (``None``: the machine's) that stands still, as a wait does, while ``paused`` returns true."""
 
     def __init__(self, paused: Callable[[], bool], clock: Clock | None = None) -> None:
         self._paused = paused

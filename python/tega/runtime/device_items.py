@@ -48,12 +48,9 @@ class Found(msgspec.Struct, frozen=True, kw_only=True):
     """Something on this machine that a driver can open, or could if nothing stood in the way.
 
     Attributes:
-        driver: Name under which the driver is registered.
         label: Name that a person would look for: a serial number, a port, a bus.
         options: The driver's options that reach it, as they stand in a settings file.
-        problem: Problem that prevents opening it, one sentence; ``""`` if none is known.
-        hint: Fix for the problem.
-        note: Additional information.
+        problem: Problem that prevents opening it, one sentence, with its fix, ``hint``; ``""`` if none is known.
         may_open: Whether it may be opened for a closer check. False for a port with an unknown device, since opening
             it can restart the device, and for checks that take long.
     """
@@ -71,8 +68,7 @@ class TactileFrame(NamedTuple):
     """One picture of a fingertip.
 
     The frame belongs to its reader: a source never writes into an array that it has given away, since other threads
-    (measuring, recording, a page) read it and would see half of one frame and half of the next. A driver with one
-    buffer gives a copy of it.
+    read it. A driver with one buffer gives a copy of it.
 
     Attributes:
         t_ns: Time of the picture in nanoseconds.

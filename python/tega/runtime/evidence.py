@@ -11,9 +11,8 @@ evidence       what is compared
 =============  ==========================================================================================
 
 Where the samples cannot be used, the driver raises :class:`StreamContradictionError`: opening is refused, and a running
-source is lost. Where they can, the driver reports a :class:`Contradiction` among its ``faults``: ``doctor`` calls it
-wrong, the terminal and the page show it as an alert, and the recording keeps the alert. Every driver lists in its
-``compared`` the evidence that its stream carries. :class:`StampCheck` leaves stamps of another clock aside.
+source is lost. Where they can, it reports a :class:`Contradiction` among its ``faults``, which is an alert. Each driver
+lists in its ``compared`` the evidence that its stream carries.
 """
 
 from __future__ import annotations
@@ -69,10 +68,7 @@ def refuse(driver: str, label: str, contradiction: Contradiction) -> NoReturn:
 
 
 class Contradictions:
-    """Contradictions of one open stream that leave its samples usable.
-
-    ``now`` are those that hold at present, ``seen`` those that held at any time since the stream was opened.
-    """
+    """Contradictions of one open stream that leave its samples usable: those ``now``, and ``seen`` at any time."""
 
     def __init__(self) -> None:
         self._now: dict[str, Contradiction] = {}
@@ -94,10 +90,7 @@ class Contradictions:
 
 
 def is_other_clock(age_s: float, *, ahead_s: float = AHEAD_S, away_s: float = AWAY_S) -> bool:
-    """Return whether a stamp of this age (arrival less stamp) cannot be of this machine's clock.
-
-    It is at most ``ahead_s`` later than its arrival, and an item still on its way is at most ``away_s`` old.
-    """
+    """Return whether a stamp of this age (arrival less stamp) cannot be of this machine's clock."""
     return not -ahead_s <= age_s <= away_s
 
 
@@ -122,10 +115,7 @@ class StampCheck:
         self.contradiction: Contradiction | None = None
 
     def believes(self, stamp_s: float, arrival_s: float) -> bool:
-        """Return whether the newest item's stamp, ``stamp_s`` on the clock of the arrivals, can be used.
-
-        ``arrival_s`` is on the monotonic clock and never less than before.
-        """
+        """Return whether the newest item's stamp can be used; both times are on the monotonic clock."""
         age_s, last, self._last = arrival_s - stamp_s, self._last, (stamp_s, arrival_s)
         found = ""
         if math.isnan(age_s) or is_other_clock(age_s):
@@ -157,7 +147,6 @@ class StampCheck:
 
 
 def _words(age_s: float) -> str:
-    """Return the difference of the two clocks in words."""
     where = "before the items arrive" if age_s > 0 else "after the items arrive"
     size_s = abs(age_s)
     amount = f"{size_s:.3g} s" if size_s < 600 else f"{size_s / 86_400:.3g} days"

@@ -1,8 +1,7 @@
 """Find what installed packages add to TEGA: drivers, stages and layouts by entry points, and features.
 
-A feature, of the entry-point group ``tega.features``, is one declaration. Every target is ``"module:object"`` and is
-imported when it is first needed, so that a feature that is not used costs nothing. One with a mistake is left out, and
-named with the next step; the rest works.
+A feature is one declaration; every target is ``"module:object"`` and is imported when it is first needed. One with a
+mistake is left out, and named with the next step; the rest works.
 """
 
 from __future__ import annotations
@@ -36,8 +35,7 @@ def every_plugin(group: str) -> tuple[EntryPoint, ...]:
 
 @cache
 def _plugins(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
-    """Read the metadata of every installed package, which takes 10 ms and more: once for each search path."""
-
+    # Reading the metadata of every installed package takes 10 ms and more.
     def order(entry: EntryPoint) -> tuple[bool, bool, str, str]:
         package = plugin_package(entry)
         return package != "tega", not entry.value.startswith("tega."), entry.name, package
@@ -46,10 +44,7 @@ def _plugins(group: str, _path: tuple[str, ...]) -> tuple[EntryPoint, ...]:
 
 
 def find_plugin(group: str, subject: str, name: str) -> EntryPoint:
-    """Return the entry point of a name in a group, such as ``"tega.devices"``; the nearest name is the hint.
-
-    ``subject`` is the messages' term for a member: driver, metric, decoder, mapping or layout.
-    """
+    """Return the entry point of a name in a group; ``subject`` is the messages' term for a member, such as driver."""
     entries = plugins(group)
     entry = entries.get(name)
     if entry is None:
@@ -147,7 +142,6 @@ def call_member(feature: Feature, member: str, *arguments: Any, kind: Any = obje
 
 
 def _way_out(feature: Feature) -> str:
-    """Return how to go on without a feature."""
     if feature.own:
         return "run again with --debug and report it"
     tables = "".join(f"leave out [{key}], or " for key in feature.settings)
@@ -156,14 +150,7 @@ def _way_out(feature: Feature) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Broken:
-    """A feature that is left out.
-
-    Attributes:
-        name: Its name.
-        problem: The error, in one line.
-        hint: How to repair or remove it.
-        settings: Keys of its tables, as far as they are known.
-    """
+    """A feature that is left out, with the error, how to repair or remove it, and the known keys of its tables."""
 
     name: str
     problem: str

@@ -7,10 +7,7 @@ from typing import NamedTuple, Protocol
 
 
 class Bar(NamedTuple):
-    """Bar that rises and falls while a step goes on; it is filled from ``low`` to ``share``, each 0 to 1.
-
-    ``low`` is above 0 for a target with two ends; ``text`` is the value in words.
-    """
+    """Bar from ``low`` to ``share``, each 0 to 1, while a step goes on; ``low`` is 0 but for a target with two ends."""
 
     name: str
     share: float
@@ -27,7 +24,6 @@ class Shows(Protocol):
 
     def show(self, prompt: str, bars: Sequence[Bar], left_s: float | None, /) -> None:
         """Show the current state; called again and again, and returns at once."""
-        ...
 
 
 class Guide(Shows, Protocol):
@@ -35,16 +31,12 @@ class Guide(Shows, Protocol):
 
     def part(self, title: str, why: str) -> None:
         """Begin a part, with its title and reason."""
-        ...
 
     def say(self, text: str, *, tone: str = "plain") -> None:
         """Show a message; ``tone`` is ``plain``, ``good``, ``warn`` or ``bad``."""
-        ...
 
     def ready(self, prompt: str) -> None:
         """Wait until the person is ready."""
-        ...
 
     def ask(self, question: str, answers: Mapping[str, str]) -> str:
         """Ask a question; return a key of the answers, or raise ``Undecided`` where there is no operator."""
-        ...

@@ -19,10 +19,7 @@ _WINDOWS = {"H": "up", "P": "down", "M": "right", "K": "left"}
 
 
 class Keys:
-    """Reads keys without waiting, inside a ``with`` block; ``DeviceUnavailableError`` where there is no terminal.
-
-    ``fd`` is the file descriptor of the terminal (POSIX only), ``None`` that of standard input.
-    """
+    """Reads keys of a terminal (``None``: standard input); ``DeviceUnavailableError`` where there is none."""
 
     def __init__(self, fd: int | None = None) -> None:
         self._fd = fd
@@ -91,9 +88,5 @@ def _windows_keys() -> list[str]:
 
         while msvcrt.kbhit():
             key = msvcrt.getwch()
-            if key in {"\x00", "\xe0"}:
-                if (name := _WINDOWS.get(msvcrt.getwch())) is not None:
-                    keys.append(name)
-            else:
-                keys.append(key)
-    return keys
+            keys.append(_WINDOWS.get(msvcrt.getwch(), "") if key in {"\x00", "\xe0"} else key)
+    return [key for key in keys if key]

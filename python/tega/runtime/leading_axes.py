@@ -23,11 +23,7 @@ def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) ->
 
 
 def each_item(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int) -> NDArray[Any]:
-    """Return a function of items, such as pictures of three axes, applied along the leading axes of arrays.
-
-    It takes an item of ``item_axes`` axes of each array and has to return arrays of one shape; the leading
-    axes are broadcast against each other.
-    """
+    """Return a function of items of ``item_axes`` axes, such as pictures, along the leading axes of arrays."""
     shape = np.broadcast_shapes(*(array.shape[: array.ndim - item_axes] for array in arrays))
     several = [np.broadcast_to(array, shape + array.shape[array.ndim - item_axes :]) for array in arrays]
     if not shape:

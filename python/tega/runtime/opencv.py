@@ -50,9 +50,15 @@ def read_image(path: Path, *, driver: str) -> NDArray[np.uint8]:
         raise RecordingError(
             f"{path.name}: cannot be read: {error.strerror or error}", f"looked for {path}"
         ) from error
-    if path.suffix.lower() == ".npy":
-        return _npy_image(path, data)
-    return decode_image(data, path.name, driver=driver)
+    if path.suffix.lower() != ".npy":
+        return decode_image(data, path.name, driver=driver)
+    array = load_npy(data, path.name)
+    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
+        raise RecordingError(
+            f"{path.name}: holds {array.dtype} {array.shape}, expected uint8 (height, width, 3) in blue, green, red",
+            "save the picture as OpenCV delivers it",
+        )
+    return np.ascontiguousarray(array)
 
 
 def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
@@ -69,16 +75,6 @@ def decode_image(data: bytes, name: str, *, driver: str) -> NDArray[np.uint8]:
         raise RecordingError(f"{name}: not a picture that can be decoded ({len(data)} bytes)", _AGAIN)
     decoded: NDArray[np.uint8] = image
     return decoded
-
-
-def _npy_image(path: Path, data: bytes) -> NDArray[np.uint8]:
-    array = load_npy(data, path.name)
-    if array.dtype != np.uint8 or array.ndim != 3 or array.shape[2] != 3:
-        raise RecordingError(
-            f"{path.name}: holds {array.dtype} {array.shape}, expected uint8 (height, width, 3) in blue, green, red",
-            "save the picture as OpenCV delivers it",
-        )
-    return np.ascontiguousarray(array)
 
 
 def _fault(data: bytes) -> str | None:

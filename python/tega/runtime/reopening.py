@@ -58,8 +58,7 @@ class Reopening:
     ) -> _Link | None:
         """Try until the device opens; ``None`` when it is no longer wanted.
 
-        Errors of ``absent`` mean that it is not there yet: ``refused`` is called with them; others are
-        raised.
+        ``refused`` is called with errors of ``absent``, which mean that it is not there yet; others are raised.
         """
         while self.wait(over):
             try:
@@ -81,8 +80,7 @@ class Reopening:
     ) -> None:
         """Use a device until it is no longer wanted, and whenever it goes away, open it as :meth:`open` does.
 
-        A ``link`` of ``None`` is opened first. ``use`` lasts until the device goes away or is no longer
-        wanted, and returns whether it gave anything; ``close`` is called after each.
+        ``use`` lasts until the device goes away or is no longer wanted, and returns whether it gave anything.
         """
         while not over(0.0):
             if (

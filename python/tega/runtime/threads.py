@@ -98,10 +98,7 @@ def run_realtime(rank: Rank, *, inherited: bool = False) -> Iterator[bool]:
 
 @contextmanager
 def give_way() -> Iterator[None]:
-    """Lower the calling thread to the rank ``picture`` for this block, which holds no interpreter lock for long.
-
-    A thread without a rank stays as it is.
-    """
+    """Lower the calling thread, if it has a rank, to ``picture`` for this block, which holds no interpreter lock."""
     how = _how(0) if _state["allowed"] else None
     if how is None or not _is_realtime(how):
         yield
@@ -147,8 +144,7 @@ def all_along() -> Iterator[None]:
 def restored() -> Iterator[None]:
     """Give back the priority that a library takes for itself in this block, before every other program.
 
-    The video encoder SVT-AV1 does so where it runs as root: it puts the calling thread, and so every process that is
-    started from it afterwards, and all threads of its own before everything on the machine, a running loop included.
+    The video encoder SVT-AV1 does so where it runs as root, for the calling thread and all threads of its own.
     """
     before = {tid: how for tid in _threads() if (how := _how(tid)) is not None}
     try:

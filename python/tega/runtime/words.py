@@ -55,13 +55,7 @@ def nearest_hint(
 
 
 class Removed(NamedTuple):
-    """A setting, stage or field that was taken out.
-
-    Attributes:
-        since: Version without it.
-        reason: Why, as the end of a sentence.
-        unused: Value of a field that made no use of it; a file that holds this value is read as before.
-    """
+    """A setting, stage or field that was taken out; a file may still hold the value ``unused`` of a field."""
 
     since: str
     reason: str
@@ -88,10 +82,7 @@ def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
 
 
 def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:
-    """Return a file's table without removed fields that it made no use of; one in use is ``ConfigError``.
-
-    Tables inside it are left as they are.
-    """
+    """Return a file's table without removed fields that it made no use of; one in use is ``ConfigError``."""
     for name, value in table.items():
         if name in removed and value != removed[name].unused:
             refuse_removed(name, removed)

@@ -28,10 +28,7 @@ _NUMBERS = re.compile(r"[\d.]+")
 
 
 class StreamReport(Protocol):
-    """Report of a live stream; ``lost`` is why the source went away, ``""`` while it is there.
-
-    ``faults`` are channels that have no vote now, with the reason.
-    """
+    """Report of a live stream: why its source went away, ``""`` while it is there, and channels without a vote."""
 
     lost: str
     faults: tuple[str, ...]
@@ -129,10 +126,7 @@ class Guard:
         return self._states.state in {"active", "hold"}
 
     def level(self, wanted: float) -> float:
-        """Return the closure level for the hand, always 1 to 5, given the muscles' ``wanted``.
-
-        While active it is the wanted level or a program's, in hold the last one, else the open hand's.
-        """
+        """Return the hand's level, 1 to 5: while active the wanted or a program's, in hold the last one, else open."""
         state = self._states.state
         if state == "active" and (program := self._program()) is not None:
             wanted = program

@@ -31,9 +31,8 @@ _LEAVE_S: Final = 0.5
 class SleepLock:
     """Locks against sleep, held between :meth:`take` and :meth:`release`.
 
-    ``why`` is the reason that the system shows to a user who wants the computer to sleep. ``on_sleep`` is
-    called, in a thread of the lock's, when the computer is about to sleep; the sleep begins with
-    :meth:`release`, or 5 s later. ``problem`` is why the computer may sleep; ``""`` while sleep is blocked.
+    The system shows ``why`` to its users. ``on_sleep`` is called, in a thread of the lock's, when the computer is about
+    to sleep; that begins with :meth:`release`, or 5 s later. ``problem`` is why it may sleep; ``""`` while it may not.
     """
 
     def __init__(self, why: str, on_sleep: Callable[[], None]) -> None:

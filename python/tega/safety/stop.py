@@ -43,10 +43,7 @@ class Stop:
             self.requested, self.reason = True, reason
 
     def also(self, source: Callable[[], str]) -> None:
-        """Poll another source too, such as a page's button or a pedal.
-
-        ``source`` returns at once: the reason once it wants the run to end, ``""`` before.
-        """
+        """Poll another source too, which returns at once: the reason once it wants the run to end, ``""`` before."""
         self._sources.append(source)
 
 
@@ -54,10 +51,9 @@ _PATIENCE_S = 1.0
 
 
 class CtrlC(Stop):
-    """Turns the first Ctrl-C (or request to terminate) into a stop that the loop polls.
+    """Turns the first Ctrl-C (or request to terminate) into a stop that the loop polls, which leaves all silent.
 
-    The loop then ends by itself, which leaves vest and hand silent. That takes a moment, in which further
-    ones do nothing; the first after a second interrupts whatever hangs, and all others do nothing again.
+    Further ones do nothing; the first after a second interrupts whatever hangs.
     """
 
     def __init__(self) -> None:

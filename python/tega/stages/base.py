@@ -49,11 +49,7 @@ class GelTraits(NamedTuple):
 class FingerSetup(NamedTuple):
     """Setup of a metric: the finger that it measures.
 
-    Attributes:
-        finger: Name of the finger, such as ``"thumb"``.
-        baseline: Picture of the untouched gel, uint8 (H, W, 3), BGR.
-        maxima: Maxima by value: ``cci`` and ``eda`` of the calibration, if they are known already.
-        gel: Traits of the gel from the calibration.
+    ``baseline`` is the untouched gel, uint8 (H, W, 3), BGR; ``maxima`` are ``cci`` and ``eda``, if they are known.
     """
 
     finger: str
@@ -65,13 +61,8 @@ class FingerSetup(NamedTuple):
 class MuscleSetup(NamedTuple):
     """Setup of a decoder: the muscles that it decodes.
 
-    Attributes:
-        kind: Kind of the samples: ``"raw"``, ``"rectified"`` or ``"envelope"``.
-        rate_hz: Samples per second of one channel.
-        block: Samples in the blocks that the maxima were calibrated with.
-        channels: Name of each channel.
-        maxima: Block mean of each channel at maximum effort, in the unit of the samples.
-        preset: The session's preset.
+    ``rate_hz`` is a channel's, ``block`` the samples in the blocks that the maxima were calibrated with; ``maxima`` are
+    the block mean of each channel at maximum effort, in the unit of the samples.
     """
 
     kind: Literal["raw", "rectified", "envelope"]
@@ -83,13 +74,10 @@ class MuscleSetup(NamedTuple):
 
 
 class VestSetup(NamedTuple):
-    """Setup of a mapping: the vest that it drives.
+    """Setup of a mapping: the vest that it drives, its layout mirrored as in the settings.
 
-    Attributes:
-        layout: Positions of the motors, mirrored as in the settings.
-        fingers: Fingers that have a sensor, thumb first.
-        maxima: Maxima by finger and value (``cci``, ``eda``); a value without a maximum is missing.
-        felt: Threshold and step of the wearer, where they were measured.
+    ``maxima`` are by finger and value (``cci``, ``eda``), without a value that has none; ``felt`` is the wearer's
+    threshold and step, where they were measured.
     """
 
     layout: MotorLayout
@@ -119,11 +107,7 @@ class TouchMap(NamedTuple):
 
 
 class _Stage:
-    """Base of every stage: its one-line summary, its options and what it imports.
-
-    ``requires`` are the modules that it imports when it is made, for ``tega-teleop stages``; ``extra`` is the
-    extra of its package that brings them.
-    """
+    """Base of every stage; ``requires`` are modules that it imports, ``extra`` the extra of its package for them."""
 
     summary: ClassVar[str] = ""
     options_type: ClassVar[type[StageOptions]] = StageOptions
@@ -205,13 +189,8 @@ class Metric(_Stage, ABC):
 class MeasuredPicture(msgspec.Struct, frozen=True, kw_only=True):
     """A fingertip's picture that has just been measured, for displays: no record, and not recorded.
 
-    Published in the measuring thread, and only if there are subscribers. A subscriber that needs the map requests it
-    from the metric before returning, since the metric then goes on to the next frame.
-
-    Attributes:
-        image: uint8 (H, W, 3), blue, green, red; borrowed, do not write into it.
-        contact: Contact in it, with finger and time.
-        metric: The stage that measured it.
+    Published in the measuring thread, and only if there are subscribers. One that needs the map requests it from the
+    metric before returning. ``image`` is uint8 (H, W, 3), blue, green, red; borrowed, do not write into it.
     """
 
     image: NDArray[np.uint8]

@@ -136,7 +136,6 @@ class ColumnsMapping(Mapping):
         values: NDArray[np.float64],
         contacts: AnyMapping[str, Contact],  # noqa: ARG002  # for a mapping that shows where they are
     ) -> NDArray[np.float64]:
-        """Return the level of every motor from the fingers' values."""
         of_each = values.take(self._displayed)
         levels: NDArray[np.float64] = of_each[0] if len(of_each) == 1 else of_each.max(axis=0)
         if self._options.rows == "bar":

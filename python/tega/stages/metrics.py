@@ -23,6 +23,9 @@ from tega.tactile import (
     pressure_map,
 )
 
+# Fields of a contact that have the tracker's value.
+_SAME = ("mass", "centroid_xy", "spread", "threshold", "eda", "cci", "peak", "in_contact")
+_SAME += ("depth_mm", "force_n", "strength", "broad")
 # Between the frames of a DIGIT, seconds, where their times do not say it.
 _PERIOD_S = 1 / 60
 
@@ -86,9 +89,8 @@ class LiveMetric(Metric):
     @classmethod
     def units(cls, options: StageOptions) -> dict[str, str]:
         """Return the unit of the trend, where it is measured."""
-        return (
-            {} if not isinstance(options, LiveOptions) or options.trend == "none" else {"trend_mm_s": "mm/s"}
-        )
+        measured = isinstance(options, LiveOptions) and options.trend != "none"
+        return {"trend_mm_s": "mm/s"} if measured else {}
 
     def __init__(self, setup: FingerSetup, options: LiveOptions) -> None:
         self._finger = setup.finger
@@ -147,21 +149,10 @@ class LiveMetric(Metric):
         return Contact(
             finger=self._finger,
             t_ns=t_ns,
-            mass=found.mass,
-            centroid_xy=found.centroid_xy,
-            spread=found.spread,
-            threshold=found.threshold,
-            eda=found.eda,
-            cci=found.cci,
-            peak=found.peak,
             peak_xy=(round(x), round(y)) if found.in_contact else (0, 0),
-            in_contact=found.in_contact,
             area_mm2=found.area_mm2 if self._scaled else None,
-            depth_mm=found.depth_mm,
-            force_n=found.force_n,
-            strength=found.strength,
-            broad=found.broad,
             more=more,
+            **{name: getattr(found, name) for name in _SAME},
         )
 
     def _rate(self, depth_mm: float, dt_s: float) -> NamedValue:

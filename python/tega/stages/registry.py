@@ -81,13 +81,8 @@ class StageRecord(msgspec.Struct, frozen=True, kw_only=True):
     """One line of ``tega-teleop stages``.
 
     Attributes:
-        group: metric, decoder, mapping, layout or reflex.
-        name: Name to use in a settings file.
-        summary: Summary in one line.
         package: The distribution that brings it.
-        ready: Whether it loads and the packages it needs are installed.
-        problem: Missing part, if it is not ready.
-        options: Its options.
+        ready: Whether it loads and the packages it needs are installed; ``problem`` says what is missing.
         values: Named values that a metric measures under its default options, with their units.
     """
 
@@ -123,19 +118,14 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
     if name not in plugins(where):
         refuse_removed(f"stages.{group} {name}")
     entry = find_plugin(where, group, name)
-    loaded: Any = load_plugin(entry, group)
-    kind: Any = loaded
-    if not (isinstance(loaded, type) and issubclass(loaded, base)):
-        raise DeviceUnavailableError(
-            f"{group} {name!r} is registered as {entry.value!r}, which is no subclass of tega.stages."
-            f"{base.__name__}",
-            "see docs/own-stage.md",
-        )
-    if not (isinstance(kind.options_type, type) and issubclass(kind.options_type, StageOptions)):
-        raise DeviceUnavailableError(
-            f"{group} {name!r}: options_type is no subclass of tega.stages.StageOptions",
-            "see docs/own-stage.md",
-        )
+    kind: Any = load_plugin(entry, group)
+    problem = ""
+    if not (isinstance(kind, type) and issubclass(kind, base)):
+        problem = f" is registered as {entry.value!r}, which is no subclass of tega.stages.{base.__name__}"
+    elif not (isinstance(kind.options_type, type) and issubclass(kind.options_type, StageOptions)):
+        problem = ": options_type is no subclass of tega.stages.StageOptions"
+    if problem:
+        raise DeviceUnavailableError(f"{group} {name!r}{problem}", "see docs/own-stage.md")
     return kind
 
 
@@ -155,9 +145,7 @@ def list_stages() -> list[StageRecord]:
 def _described(group: Group, name: str, reported: dict[str, Any]) -> StageRecord:
     if group == "layout":
         layout = find_layout(name)
-        return StageRecord(
-            **reported, summary=f"{layout.summary} ({len(layout.motors)} motors)", ready=True, problem=""
-        )
+        return StageRecord(**reported, summary=f"{layout.summary} ({len(layout.motors)} motors)", ready=True)
     stage = stage_class(group, name)
     missing = [module for module in stage.requires if importlib.util.find_spec(module) is None]
     problem = ""
@@ -181,10 +169,8 @@ def _options(options_type: type[StageOptions]) -> tuple[OptionRecord, ...]:
     hints = get_type_hints(options_type)
     records = []
     for field in msgspec.structs.fields(options_type):
-        default = None
-        if field.default is not msgspec.NODEFAULT:
-            default = field.default
-        elif field.default_factory is not msgspec.NODEFAULT:
+        default = None if field.default is msgspec.NODEFAULT else field.default
+        if field.default_factory is not msgspec.NODEFAULT:
             default = field.default_factory()
         records.append(
             OptionRecord(
@@ -205,7 +191,6 @@ def _literals(kind: Any) -> tuple[Any, ...]:
 
 
 def _attributes(kind: type) -> dict[str, str]:
-    """Return the ``Attributes`` text of each name of a class and its bases, on one line."""
     bases = (base for base in reversed(kind.__mro__) if issubclass(base, StageOptions))
     return {name: text for base in bases for name, text in _own_attributes(base).items()}
 

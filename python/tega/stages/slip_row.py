@@ -97,23 +97,19 @@ class SlipRowMapping(ColumnsMapping):
     def _notify(self, t_ns: int, events: Sequence[Event]) -> None:
         lasts_ns = (_BURSTS - 1) * _PERIOD_NS + _BURST_NS
         for event in events:
-            if event.kind != "slip" or not event.certain:
-                continue
-            if any(
-                reported.finger == event.finger and event.t_ns < reported.end_ns + _AGAIN_NS
-                for reported in self._reported
-            ):
-                continue
-            self._reported.append(_Reported(event.t_ns, event.t_ns + lasts_ns, event.finger))
+            shown = any(
+                one.finger == event.finger and event.t_ns < one.end_ns + _AGAIN_NS for one in self._reported
+            )
+            if event.kind == "slip" and event.certain and not shown:
+                self._reported.append(_Reported(event.t_ns, event.t_ns + lasts_ns, event.finger))
         self._reported = [reported for reported in self._reported if t_ns < reported.end_ns + _AGAIN_NS]
 
     def _show(
         self, reported: _Reported, t_ns: int, contacts: AnyMapping[str, Contact], levels: NDArray[np.float64]
     ) -> None:
         """Set the motor levels of a slip at a given time; a finger without a fresh frame shows nothing."""
-        if not reported.began_ns <= t_ns < reported.end_ns:
-            return
-        if (t_ns - reported.began_ns) % _PERIOD_NS >= _BURST_NS:
+        since_ns = t_ns - reported.began_ns
+        if since_ns < 0 or t_ns >= reported.end_ns or since_ns % _PERIOD_NS >= _BURST_NS:
             return
         for finger in contacts:
             if reported.finger in {"", finger} and finger in self._columns_of:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.errors import ShapeError
+from tega.runtime.leading_axes import each_item
 from tega.tactile.tracker import Order, Outline
 
 Reading = Literal["paper", "live"]
@@ -129,9 +130,8 @@ def contact_metrics_many(
 ) -> list[ContactMetrics]:
     """Apply :func:`contact_metrics` to many frames in one call; a batch is spread over the cores.
 
-    ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
-    each. Options, errors and each result are those of :func:`contact_metrics`; ``ShapeError`` also if there are not
-    as many baselines as frames.
+    ``frames`` are uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all, or one each, else
+    ``ShapeError``; options, other errors and each result are those of :func:`contact_metrics`.
     """
     equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
     return _each(equations.metrics_many, frames, baseline)
@@ -227,19 +227,16 @@ def read_contacts(
 ) -> list[ContactMetrics]:
     """Apply :func:`read_contact` to many frames in one call: the fingers of a hand, or a batch over the cores.
 
-    ``frames`` is an array uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all frames, or one
-    each. Options, errors and each result are those of :func:`read_contact`; ``ShapeError`` also if there are not as
-    many baselines as frames.
+    ``frames`` are uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all, or one each, else
+    ``ShapeError``; options, other errors and each result are those of :func:`read_contact`.
     """
     return _each(_preset(reading, **options).read_many, frames, baseline)
 
 
 class ContactReader:
-    """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit.
+    """Reads one sensor's frames against one baseline, as :func:`read_contact` does, to the last bit, and quicker.
 
-    ``live`` derives its values from the baseline only once, and does not read the baseline again with every frame: a
-    frame with a contact takes a third less time. The baseline, uint8 (H, W, 3), is copied; options and errors are
-    those of :func:`read_contact`.
+    The baseline, uint8 (H, W, 3), is copied; options and errors are those of :func:`read_contact`.
 
     Example:
         >>> import numpy as np
@@ -306,8 +303,6 @@ def _each_picture(
 ) -> NDArray[Any]:
     if max(getattr(frames, "ndim", 0), getattr(baselines, "ndim", 0)) <= 3:
         return read(frames, baselines)
-    from tega.runtime.leading_axes import each_item
-
     return each_item(read, frames, baselines, item_axes=3)
 
 

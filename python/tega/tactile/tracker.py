@@ -84,18 +84,16 @@ class KnownPress(NamedTuple):
 def calibrate_light(presses: Sequence[KnownPress], light: GelLight | None = None) -> GelLight:
     """Scale a gel's light and stiffness so that depth and force of known presses come out right on average.
 
-    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N, read with
-    ``light``; ``None`` is :func:`nominal_light`. First the light's two directions are balanced, so that the
-    maps of balls are as steep across as along: with r the root of the ratio of their squared slopes, the
-    terms across are multiplied by r and those along divided by it; if no ball has its map, the balance is
-    unchanged. Then depth gain g and stiffness k' are geometric means over the presses, so that relative
-    errors count: g = mean(depth / read depth)^(16/17), k' = k mean(force / read force) / g, with the balance
-    taken into account where a press has its map; if no depth is known, the gain is unchanged. Depth goes
-    inversely with the light's terms (to the power 17/16), which are divided by g; force is stiffness times
-    pressed volume.
+    Three presses are enough: two with a ball, one with a flat, each held still, 1 to 5 N, read with ``light``; ``None``
+    is :func:`nominal_light`. First the light's two directions are balanced: with r the root of the ratio of the squared
+    slopes of the balls' maps, the terms across are multiplied by r and those along divided by it. Then depth gain g and
+    stiffness k' are geometric means over the presses: g = mean(depth / read depth)^(16/17), k' = k mean(force / read
+    force) / g, with the balance taken into account where a press has its map. Depth goes inversely with the light's
+    terms (to the power 17/16), which are divided by g; force is stiffness times pressed volume. What is not known is
+    unchanged.
 
-    Raises ``InvalidValueError`` if there are no presses, one was not felt, a force or depth is not finite and
-    more than 0, or a depth map is empty.
+    ``InvalidValueError`` if there are no presses, one was not felt, a force or depth is not finite and more than 0, or
+    a depth map is empty.
     """
     if not presses:
         raise InvalidValueError(
@@ -242,9 +240,8 @@ class TouchTracker:
     def rezero(self) -> bool:
         """Take the last picture for that of the untouched gel, however it differs from the baseline.
 
-        Whatever touches then is not felt until it moves: ask for it only while nothing does. The next pictures are
-        averaged with that one. Before the first picture the baseline stays. Returns whether it was taken: a dark
-        picture is none.
+        Whatever touches then is not felt until it moves: ask for it only while nothing does. Returns whether it was
+        taken: a dark picture is none, and before the first one the baseline stays.
         """
         return self._tracker.rezero()
 
@@ -292,10 +289,8 @@ def update_fingers(
 ) -> list[TrackedContact]:
     """Read the next frame of several fingers of one hand in one call that leaves the interpreter to others meanwhile.
 
-    A finger is ``loaded`` if another one was in contact before and its frame has not just fallen: most motion at one
-    finger while others hold the object is no release.
-
-    Each tracker comes once, with a frame of its own, as for :meth:`TouchTracker.update`.
+    A finger is ``loaded`` if another one was in contact before and its frame has not just fallen. Each tracker comes
+    once, with a frame of its own, as for :meth:`TouchTracker.update`.
 
     Raises:
         DtypeError: A frame is not a uint8 array; no tracker has taken any.
