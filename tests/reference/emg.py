@@ -19,14 +19,12 @@ def rounding_bound(rate_hz: float) -> float:
 
 
 def farthest(got: NDArray[np.float64], exact: list[Decimal]) -> float:
-    """Return the largest distance; infinite if a number is not finite."""
     if not np.isfinite(got).all():
         return float("inf")
     return max(float(abs(Decimal(g) - e)) for g, e in zip(got.tolist(), exact, strict=True))
 
 
 def block_means(samples: Sequence[float], tau: int) -> list[Fraction]:
-    """Eq 10 for one channel."""
     exact = [Fraction(x) for x in samples]
     return [sum(exact[i : i + tau], Fraction(0)) / tau for i in range(0, len(exact) - tau + 1, tau)]
 
@@ -38,7 +36,6 @@ def level(value: float | Fraction, maximum: float | Fraction) -> int:
 
 
 def fuse(levels: Sequence[int]) -> int:
-    """Eq 12, else Eq 13."""
     ranked = Counter(levels).most_common()
     if len(ranked) == 1 or ranked[0][1] > ranked[1][1]:
         return ranked[0][0]
@@ -46,15 +43,11 @@ def fuse(levels: Sequence[int]) -> int:
 
 
 def paper_levels(means: Sequence[Sequence[float]], maxima: Sequence[float]) -> list[int]:
-    """Preset `paper` from block means."""
     return [fuse([level(v, m) for v, m in zip(row, maxima, strict=True)]) for row in means]
 
 
 def live_levels(means: Sequence[Sequence[float]], maxima: Sequence[float], block_s: float) -> list[int]:
-    """Preset `live` from block means: steadied drives, dead zones, confirmation.
-
-    It keeps the order of floating-point operations, so that equality can be asked for.
-    """
+    """Steadied drives, dead zones, confirmation, in the order of floating-point operations: equality is asked for."""
     scaled = [0.8 * m for m in maxima]
     drives: list[float] = []
     levels: list[int] = []
@@ -82,7 +75,6 @@ def live_levels(means: Sequence[Sequence[float]], maxima: Sequence[float], block
 
 
 def _sum(values: Iterable[float]) -> float:
-    """Sum from left to right, rounding after each addition."""
     total = 0.0
     for value in values:
         total = total + value

@@ -37,11 +37,9 @@ class Extreme:
     found: list[float] = field(default_factory=list)
 
     def __post_init__(self) -> None:
-        """Become a line of the table."""
         EXTREMES.append(self)
 
     def hold(self, error: float) -> None:
-        """Fail where an error is beyond the bound; keep it for the table."""
         assert error <= self.bound, f"{self.name}: the error {error:.3g} is beyond {self.bound:.2g}"
         self.found.append(error)
 
@@ -58,12 +56,10 @@ def relative(got: float, exact: Fraction | Decimal, size: Fraction | Decimal | N
 
 
 def short(value: float) -> str:
-    """Write an error with one digit, which is all that is worth comparing."""
     return f"{value:.0f}" if value == 0 or (1 <= value < 1000 and value == int(value)) else f"{value:.0e}"
 
 
 def extremes_table() -> str:
-    """Return the table of the page; ``ValueError`` where a line was not tried."""
     if untried := [one.name for one in EXTREMES if not one.found]:
         raise ValueError(f"not tried: {untried}")
     rows = [

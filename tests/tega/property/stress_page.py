@@ -21,7 +21,7 @@ def main() -> int:
     (page_file,) = map(Path, sys.argv[1:])
     # The same examples each time, so that the page changes only where a kernel does.
     os.environ["HYPOTHESIS_PROFILE"] = "ci"
-    files = sorted(str(file) for file in HERE.glob("test_extremes_*.py"))
+    files = [str(file) for file in sorted(HERE.glob("*.py")) if "import Extreme" in file.read_text()]
     if failed := pytest.main(["-n0", "-q", *files]):
         return int(failed)
     from reference.extremes import extremes_table  # as the properties, now run, found it

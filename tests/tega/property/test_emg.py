@@ -1,4 +1,4 @@
-"""Properties of the EMG chain against exact references."""
+"""The EMG chain against exact references, and along leading axes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,15 @@ from random import Random
 from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 from numpy.typing import NDArray
 
 from reference import emg as reference
-from tega.emg import (
-    BlockMean,
-    ButterworthLowpass,
-    GraspIntent,
-    channel_maxima,
-    fuse_levels,
-    grasp_level,
-)
+from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima, fuse_levels, grasp_level
+from tega.errors import DtypeError
 from tega_figures.exact import filtered
 
 RATES_HZ = [200.0, 250.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]
@@ -31,7 +27,7 @@ level_lists = st.lists(st.integers(1, 5), min_size=1, max_size=9)
 
 @st.composite
 def signals(draw: st.DrawFn, *, channels: int | None = None, max_rows: int = 300) -> Samples:
-    """Rows of bursts, of all channels or of each by itself, on an offset or not: (n, channels)."""
+    """Draw bursts, of all channels or of each by itself, on an offset or not: (n, channels)."""
     width = channels or draw(st.integers(1, 6))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     rows = draw(st.integers(0, max_rows))
@@ -42,7 +38,6 @@ def signals(draw: st.DrawFn, *, channels: int | None = None, max_rows: int = 300
 
 @st.composite
 def chunkings(draw: st.DrawFn) -> tuple[Samples, list[Samples]]:
-    """A signal, some of whose samples may be lost, whole and in chunks."""
     whole = draw(signals())
     if draw(st.booleans()) and len(whole):
         rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
@@ -114,13 +109,11 @@ def test_intent_is_identical_for_every_chunking(
 ) -> None:
     whole, chunks = cut
     maxima = np.full(whole.shape[1], 0.7)
-    one = GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset)
-    many = GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset)
+    one, many = (GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset) for _ in range(2))
     parts = [(many.process(chunk), many.levels) for chunk in chunks]
     np.testing.assert_array_equal(np.concatenate([fused for fused, _ in parts]), one.process(whole))
     np.testing.assert_array_equal(np.concatenate([levels for _, levels in parts]), one.levels)
-    assert many.bad_channels == one.bad_channels
-    assert many.holding == one.holding
+    assert (many.bad_channels, many.holding) == (one.bad_channels, one.holding)
 
 
 @given(signals(), st.randoms(use_true_random=False), st.sampled_from(["paper", "live"]))
@@ -162,3 +155,38 @@ def test_maxima_are_percentiles_of_the_block_means(samples: Samples, percentile:
         return
     got = channel_maxima(envelope, 200, tau=20, kind="envelope", percentile=percentile)
     np.testing.assert_allclose(got, np.percentile(means, percentile, axis=0), rtol=1e-14)
+
+
+@given(
+    data=st.data(),
+    shape=arrays.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4),
+    channels=st.integers(1, 5),
+)
+def test_levels_of_several_blocks(data: Any, shape: tuple[int, ...], channels: int) -> None:
+    values = data.draw(
+        arrays.arrays(np.float64, (*shape, channels), elements=st.floats(-1, 20) | st.just(np.nan))
+    )
+    maxima = data.draw(arrays.arrays(np.float64, (channels,), elements=st.floats(0.1, 10)))
+    levels = grasp_level(values, maxima)
+    assert levels.shape == values.shape
+    fused = np.asarray(fuse_levels(levels))
+    assert fused.shape == shape
+    for index in np.ndindex(shape):
+        each = [grasp_level(v.item(), m.item()) for v, m in zip(values[index], maxima, strict=True)]
+        assert levels[index].tolist() == each
+        assert fused[index] == fuse_levels(each)
+
+
+@settings(max_examples=20)
+@given(seed=st.integers(0, 99), shape=arrays.array_shapes(min_dims=1, max_dims=2, max_side=3))
+def test_maxima_of_several_contractions(seed: int, shape: tuple[int, ...]) -> None:
+    samples = np.random.default_rng(seed).normal(size=(*shape, 400, 3))
+    found = channel_maxima(samples, 1000, tau=50)
+    assert found.shape == (*shape, 3)
+    for index in np.ndindex(shape):
+        assert found[index].tolist() == channel_maxima(samples[index], 1000, tau=50).tolist()
+
+
+def test_levels_of_truths_are_refused() -> None:
+    with pytest.raises(DtypeError):
+        grasp_level(np.array([True]), 1.0)

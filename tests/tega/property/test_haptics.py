@@ -1,17 +1,25 @@
-"""The vest law and columns against 60-digit and integer references."""
+"""The vest law and columns against 60-digit and integer references, at the ends of the number range and along axes."""
 
 from __future__ import annotations
 
 import math
 from decimal import Decimal
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
-from hypothesis import given
+import pytest
+from hypothesis import example, given
 from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
 
 from reference import haptics as reference
+from reference.extremes import Extreme, relative
+from tega import config
+from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics import (
+    CONTACT_RULES,
+    FINGERS,
     HIGH_SHARE,
     LAYOUTS,
     FeltMap,
@@ -21,9 +29,21 @@ from tega.haptics import (
     contact_type,
     intensity,
     vest_frame,
+    vest_intensities,
 )
+from tega.stages.columns import ColumnsOptions
+from tega.wire import HAND_FINGERS
 from tega_figures.exact import exact_intensity
 
+CCI = [80, 60, 40, 20]
+EDA = [10, 0, 100, 55]
+SMALLEST, LARGEST = 5e-324, float(np.finfo(np.float64).max)
+LAW = Extreme("sigmoid", "maxima from 1e-300 to 1e300", 3e-15, "relative, worst of all values")
+ENDS = Extreme("sigmoid", "0, half and the whole maximum", 0, "wrong results")
+ORDER = Extreme("sigmoid", "order", 0, "steps at which the intensity falls")
+FAR_OUT = Extreme("sigmoid", "ends of the number range", 0, "wrong results")
+IMPOSSIBLE = Extreme("sigmoid", "impossible arguments", 0, "arguments taken")
+maxima = st.one_of(st.sampled_from([1e-300, 1.0, 1e300]), st.floats(1e-300, 1e300))
 finite = st.floats(allow_nan=False, allow_infinity=False)
 positive = st.floats(min_value=0, exclude_min=True, allow_infinity=False)
 layouts = st.sampled_from(LAYOUTS)
@@ -53,12 +73,6 @@ def test_another_end_value(ratio: float, maximum: float, end_value: float) -> No
     assert relative_error(intensity(value, maximum, end_value=end_value), exact) < 1e-13
 
 
-@given(value=finite, other=finite, maximum=positive)
-def test_more_of_the_metric_never_gives_less(value: float, other: float, maximum: float) -> None:
-    low, high = sorted([value, other])
-    assert intensity(low, maximum) <= intensity(high, maximum)
-
-
 @given(value=finite, maximum=positive)
 def test_linear_law_is_the_share_held_at_its_ends(value: float, maximum: float) -> None:
     exact = 100 * min(Fraction(1), max(Fraction(0), Fraction(value) / Fraction(maximum)))
@@ -81,8 +95,7 @@ def test_the_forty_hold_the_layouts_motors_and_nothing_new(
 ) -> None:
     frame = vest_frame(front, back, layout=layout, mirror=mirror)
     x40 = frame.x40()
-    assert x40.shape == (40,)
-    assert x40.dtype == np.uint8
+    assert (x40.shape, x40.dtype) == ((40,), np.uint8)
     np.testing.assert_array_equal(x40[frame.motors], frame.intensities)
     if layout == "paper32":
         assert not x40[16:20].any()
@@ -115,3 +128,178 @@ def test_every_motor_is_as_many_noticeable_steps_above_its_threshold(seed: int, 
     for got, i, t, s in zip(felt, intensities, threshold, step, strict=True):
         exact = t + Fraction(i, 100) * n * Fraction(s) if i else Fraction(0)
         assert abs(got - exact) <= Fraction(1, 2) + Fraction(1, 10**9)
+
+
+@given(share=st.floats(-60.0, 10.0), maximum=maxima)
+@example(share=-60.0, maximum=1e300)
+@example(share=10.0, maximum=1e-300)
+@example(share=1 / 3, maximum=1.0)
+def test_the_law_at_any_maximum(share: float, maximum: float) -> None:
+    value = share * maximum
+    LAW.hold(relative(intensity(value, maximum), exact_intensity(value, maximum)))
+
+
+@given(maximum=maxima)
+def test_three_values_are_exact_at_any_maximum(maximum: float) -> None:
+    got = [intensity(share * maximum, maximum) for share in (0.0, 0.5, 1.0)]
+    ENDS.hold(sum(a != b for a, b in zip(got, (1.0, 50.0, 99.0), strict=True)))
+
+
+@given(maximum=maxima)
+@example(maximum=1e-300)
+@example(maximum=1e300)
+def test_the_intensity_never_falls(maximum: float) -> None:
+    results = [intensity(maximum * (i / 2_000 * 3 - 1), maximum) for i in range(2_001)]
+    ORDER.hold(int((np.diff(results) < 0).sum()))
+
+
+@pytest.mark.parametrize(
+    ("value", "maximum", "wanted"),
+    [
+        (LARGEST, SMALLEST, 100.0),
+        (-LARGEST, SMALLEST, 0.0),
+        (SMALLEST, LARGEST, 1.0),
+        (-SMALLEST, LARGEST, 1.0),
+        (LARGEST, LARGEST, 99.0),
+        (SMALLEST, SMALLEST, 99.0),
+    ],
+)
+def test_the_ends_of_the_number_range(value: float, maximum: float, wanted: float) -> None:
+    FAR_OUT.hold(intensity(value, maximum) != wanted)
+
+
+not_finite = st.sampled_from([float("nan"), float("inf"), float("-inf")])
+
+
+@given(
+    st.one_of(
+        st.tuples(st.floats(), st.one_of(not_finite, st.floats(max_value=0.0))),
+        st.tuples(not_finite, st.floats()),
+    )
+)
+@example((1.0, 0.0))
+@example((1.0, -1.0))
+def test_impossible_arguments_are_refused(arguments: tuple[float, float]) -> None:
+    with pytest.raises(InvalidValueError):
+        intensity(*arguments)
+    IMPOSSIBLE.hold(0)
+
+
+FINITE = st.floats(-1e3, 1e3)
+LEADING = arrays.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)
+
+
+@given(data=st.data(), shape=LEADING, law=st.sampled_from(["logistic", "linear"]))
+def test_intensity_of_an_array(data: Any, shape: tuple[int, ...], law: Any) -> None:
+    values = data.draw(arrays.arrays(np.float64, shape, elements=FINITE))
+    maxima = data.draw(arrays.arrays(np.float64, shape[-1:], elements=st.floats(1e-3, 1e3)))
+    found = intensity(values, maxima, law=law)
+    assert found.shape == shape
+    for index in np.ndindex(shape):
+        assert found[index] == intensity(values[index].item(), maxima[index[-1]].item(), law=law)
+
+
+@given(data=st.data(), shape=LEADING, layout=layouts, mirror=mirrors)
+def test_vest_intensities_of_several_moments(
+    data: Any, shape: tuple[int, ...], layout: Layout, mirror: Mirror
+) -> None:
+    front = data.draw(arrays.arrays(np.float64, (*shape, 4), elements=FINITE))
+    back = data.draw(arrays.arrays(np.float64, (*shape[-1:], 4), elements=FINITE))
+    found = vest_intensities(front, back, layout=layout, mirror=mirror)
+    frames = [vest_frame(front[i], back[i[-1]], layout=layout, mirror=mirror) for i in np.ndindex(shape)]
+    n_motors = len(vest_frame([0] * 4, [0] * 4, layout=layout).motors)
+    assert (found.dtype, found.shape) == (np.uint8, (*shape, n_motors))
+    assert found.reshape(-1, n_motors).tolist() == [frame.intensities.tolist() for frame in frames]
+
+
+def test_arrays_and_choices_without_a_meaning_are_refused() -> None:
+    anything: Any = "x41"
+    with pytest.raises(DtypeError):
+        intensity(np.array(["a"]), 1.0)
+    with pytest.raises(InvalidValueError):
+        intensity([0.0, np.inf], 1.0)
+    with pytest.raises(InvalidValueError):
+        vest_intensities([[np.nan, 0, 0, 0]], [0] * 4)
+    for front, back in (([0] * 3, [0] * 4), (np.zeros((2, 4)), np.zeros((3, 4))), (0.0, 0.0)):
+        with pytest.raises(ShapeError):
+            vest_intensities(front, back)
+    with pytest.raises(DtypeError):
+        vest_intensities(["a"] * 4, [0] * 4)
+    with pytest.raises(ShapeError, match="front has 3 numbers"):
+        vest_frame([1, 2, 3], EDA)
+    with pytest.raises(DtypeError, match="back = "):
+        vest_frame(CCI, ["a", "b", "c", "d"])  # type: ignore[list-item]
+    with pytest.raises(InvalidValueError, match='layout = "x41"'):
+        vest_frame(CCI, EDA, layout=anything)
+    with pytest.raises(InvalidValueError, match="mirror = 'x41'"):
+        vest_frame(CCI, EDA, mirror=anything)
+
+
+@pytest.mark.parametrize("law", ["logistic", "linear"])
+def test_numbers_outside_their_range_are_refused_by_name(law: Any) -> None:
+    for value in (math.nan, math.inf, -math.inf):
+        with pytest.raises(InvalidValueError, match="value = "):
+            intensity(value, 1.0, law=law)
+    for maximum in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(InvalidValueError, match=r"maximum = .*calibrate"):
+            intensity(1.0, maximum, law=law)
+    for end_value in (0.0, 0.5, -0.1, math.nan):
+        with pytest.raises(InvalidValueError, match="end_value = "):
+            intensity(1.0, 1.0, end_value=end_value)
+    with pytest.raises(InvalidValueError, match="law = 'cubic'"):
+        intensity(1.0, 1.0, law="cubic")  # type: ignore[call-overload]
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_an_intensity_that_is_not_finite_names_face_and_finger(bad: float) -> None:
+    for name, row in zip(FINGERS, np.eye(4), strict=True):
+        values = np.where(row, bad, 1.0)
+        with pytest.raises(InvalidValueError, match=f"front intensity of the {name}"):
+            vest_frame(values, EDA)
+        with pytest.raises(InvalidValueError, match=f"back intensity of the {name}"):
+            vest_frame(CCI, values)
+
+
+def test_a_frame_is_a_value() -> None:
+    frame = vest_frame(CCI, EDA)
+    assert frame == vest_frame(CCI, EDA)
+    assert hash(frame) == hash(vest_frame(CCI, EDA))
+    assert frame != vest_frame(EDA, CCI)
+    assert frame != "paper32"
+    with pytest.raises(AttributeError):
+        frame.layout = "x40"  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        frame.intensities[0] = 1
+    with pytest.raises(ValueError, match="read-only"):
+        frame.motors[0] = 1
+
+
+@pytest.mark.parametrize(
+    ("intensities", "error", "words"),
+    [
+        ([0] * 32, DtypeError, "a list"),
+        (np.zeros(32, np.int64), DtypeError, "int64"),
+        (np.zeros(16, np.uint8), ShapeError, "16 motors, layout paper32 has 32"),
+        (np.zeros((2, 16), np.uint8), ShapeError, "one dimension"),
+        (np.array([100, 0, 0, 101] + [0] * 28, np.uint8), InvalidValueError, r"intensities\[3\] = 101"),
+    ],
+)
+def test_a_frame_made_by_hand_is_checked(intensities: Any, error: type[Exception], words: str) -> None:
+    with pytest.raises(error, match=words):
+        MotorLevels("paper32", intensities)
+
+
+def test_every_contact_type_has_its_rule() -> None:
+    seen = {contact_type(c, e) for c, e in [(0, 0), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9), (0.1, 0.1)]}
+    assert seen == set(CONTACT_RULES)
+    with pytest.raises(InvalidValueError, match="eda_norm = NaN"):
+        contact_type(0.5, math.nan)
+    with pytest.raises(InvalidValueError, match=r"cci_norm = -0\.5"):
+        contact_type(-0.5, 0.5)
+
+
+def test_the_fingers_have_one_order_of_the_columns_and_one_of_the_hand() -> None:
+    assert config.FINGERS is FINGERS
+    assert ColumnsOptions().fingers is FINGERS
+    assert sorted(HAND_FINGERS) == sorted(FINGERS)
+    assert HAND_FINGERS != FINGERS
