@@ -1,7 +1,8 @@
-"""What must hold whatever happens: states, motors of the vest, commands to the hand."""
+"""What must hold whatever happens: states, the guard, motors of the vest, commands to the hand."""
 
 from __future__ import annotations
 
+import math
 import struct
 from typing import Any
 
@@ -11,14 +12,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from reference.hand import HELLO, stuck_hand
 from reference.vest_bench import KeptVest
 from tega.devices.vest.vest_stream import VestOptions
 from tega.hand import TORQUE_LIMITS, HandController
 from tega.hand.link import HandLink, Received
 from tega.haptics import LAYOUTS, MotorLevels
-from tega.safety.guard import Guard
+from tega.haptics.motor_layout import SHIPPED
+from tega.loop.inbox.sources import SourceReport
+from tega.safety.guard import Guard, Watched
 from tega.safety.motor_budget import HEAT_TAU_S, MotorBudget
-from tega.safety.states import RunStates, Transition
+from tega.safety.states import RunStates, SafetySection, Transition
+from tega.safety.stop import Stop
 
 MS = 1_000_000
 # Mostly nothing is wrong: else hardly any sequence gets far.
@@ -96,15 +101,96 @@ def test_only_an_active_run_passes_a_level_on(moments: list[Any], levels: list[i
         assert guard.felt == (guard.state in {"active", "hold"})
 
 
-drives = st.lists(
-    st.tuples(
-        st.floats(0, 30),
-        st.one_of(st.just(100), st.integers(0, 100)) | hnp.arrays(np.uint8, 40, elements=st.integers(0, 255)),
-        st.sampled_from([1, 1, 40]),
-    ),
-    min_size=1,
-    max_size=40,
-)
+def active(begin_ms: int = 0, **more: Any) -> tuple[Guard, SourceReport]:
+    # EMG at ten blocks a second; active after two seconds.
+    report = SourceReport()
+    guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, report)], **more)
+    for k in range(21):
+        show(guard, begin_ms + 100 * k)
+    return guard, report
+
+
+def show(guard: Guard, t_ms: int, *, block_ms: int | None = None, **more: Any) -> None:
+    stamp = t_ms if block_ms is None else block_ms
+    guard.check(t_ms * MS, late_ns=0, stamps={"emg": stamp * MS}, counts={"emg": stamp // 100}, **more)
+
+
+@pytest.mark.parametrize("begin_ms", [0, 12_300])
+def test_it_arms_once_the_rate_is_known_and_nothing_was_wrong_for_a_while(begin_ms: int) -> None:
+    guard, _ = active(begin_ms)
+    assert [change.state for change in guard.changes] == ["armed", "active"]
+    # The window of the rate, and nothing wrong.
+    assert guard.changes[0].t_ns == (begin_ms + 400 + 200) * MS
+
+
+def test_whatever_is_wanted_the_hand_is_between_open_and_closed_and_open_until_it_is_active() -> None:
+    guard, _ = active()
+    assert [guard.level(wanted) for wanted in (0.2, 1.5, 7.0, math.nan)] == [1, 1.5, 5, 1]
+    guard, _ = active(go=lambda: False)
+    assert (guard.state, guard.level(5), guard.felt) == ("armed", 1, False)
+
+
+def test_a_fault_of_every_channel_holds_the_level_before_it_and_says_why() -> None:
+    guard, report = active()
+    assert guard.level(3) == 3
+    # Made of samples in which the fault had begun.
+    assert guard.level(5) == 5
+    report.faults = ("ch1: mostly 50 Hz mains", "ch2: stays at 187500")
+    show(guard, 2100, unvoted=3)
+    assert guard.reason == "emg: no channel can be believed: ch1: mostly 50 Hz mains; ch2: stays at 187500"
+    assert guard.level(1) == 3
+
+
+def test_a_short_return_does_not_end_a_hold() -> None:
+    guard, _ = active()
+    for t_ms, block_ms in (
+        (2300, 2000),
+        (2310, None),
+        (2320, 2000),
+        (2400, None),
+        (2500, None),
+        (2600, None),
+    ):
+        show(guard, t_ms, block_ms=block_ms)
+    # Two hundred milliseconds after the block that stayed.
+    assert [(c.t_ns // MS, c.state) for c in guard.changes][2:] == [(2300, "hold"), (2600, "active")]
+
+
+def test_other_alerts_are_told_and_kept_for_the_summary() -> None:
+    text = ""
+    guard, _ = active(alerts={"disk": lambda: text})
+    assert not guard.alerts
+    for t_ms, text in ((2100, "disk: full"), (2200, "")):
+        show(guard, t_ms)
+        assert guard.alerts == ({"disk": text} if text else {})
+    assert guard.summary()["alerts"][-1] == "disk: full"
+    assert guard.state == "active"
+
+
+def test_calibration_that_does_not_fit_keeps_it_from_arming() -> None:
+    guard, _ = active(calibration=lambda: "calibration: of another person")
+    assert (guard.state, guard.reason) == ("idle", "calibration: of another person")
+
+
+def test_the_first_reason_to_stop_counts() -> None:
+    stop, pedal = Stop(), [""]
+    stop.also(lambda: pedal[0])
+    assert not stop()
+    pedal[0] = "the pedal"
+    assert stop()
+    stop.ask("Ctrl-C")
+    assert stop.reason == "the pedal"
+
+
+def test_a_stream_at_a_fifth_of_its_rate_keeps_it_from_arming_and_is_named_with_its_number() -> None:
+    guard = Guard(SafetySection(), streams=[Watched("emg", "emg", 10.0, SourceReport())])
+    for k in range(60):
+        guard.check(100 * k * MS, late_ns=0, stamps={"emg": 100 * k * MS}, counts={"emg": 7 + k // 5})
+    assert (guard.state, guard.reason) == ("idle", "emg: 2.0 a second come, 10 are expected")
+
+
+frames = st.just(100) | st.integers(0, 100) | hnp.arrays(np.uint8, 40, elements=st.integers(0, 255))
+drives = st.lists(st.tuples(st.floats(0, 30), frames, st.sampled_from([1, 1, 40])), min_size=1, max_size=40)
 
 
 @given(drive=drives, limit=st.integers(1, 100), heat=st.floats(0.01, 1), dose_s=st.floats(10, 20))
@@ -141,21 +227,15 @@ def test_full_drive_from_cold_ends_at_what_can_be_kept_and_then_at_nothing() -> 
     assert "dose of 40 motors" in budget.words()[0]
 
 
-_MOTORS = {"paper32": 32, "x40": 40, "x16": 16}
+@st.composite
+def levels_of_any_layout(draw: st.DrawFn) -> MotorLevels:
+    layout = draw(st.sampled_from(LAYOUTS))
+    motors = hnp.arrays(np.uint8, len(SHIPPED[layout].motors), elements=st.integers(0, 100))
+    return MotorLevels(layout, draw(motors))
 
 
 @settings(max_examples=15)
-@given(
-    frames=st.lists(
-        st.sampled_from(LAYOUTS).flatmap(
-            lambda layout: hnp.arrays(np.uint8, _MOTORS[layout], elements=st.integers(0, 100)).map(
-                lambda values: MotorLevels(layout, values)
-            )
-        ),
-        max_size=8,
-    ),
-    limit=st.integers(1, 100),
-)
+@given(frames=st.lists(levels_of_any_layout(), max_size=8), limit=st.integers(1, 100))
 def test_a_driver_s_link_is_never_told_more_than_the_limit(frames: list[MotorLevels], limit: int) -> None:
     vest = KeptVest(VestOptions(limit=limit))
     with vest:
@@ -177,7 +257,7 @@ received = st.one_of(
     ),
     st.builds(Received, st.integers(0, 0x7FF), st.binary(max_size=8), st.booleans()),
     # What lets it begin: the answer to the request for its version.
-    st.just(Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))),
+    st.just(HELLO),
 )
 
 
@@ -195,18 +275,9 @@ def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
     link = HandLink(HandController(torque_limits=TORQUE_LIMITS * share))
     limits = np.round(np.minimum(TORQUE_LIMITS * share, 1.0) * 1200) + 1
     t_ns, pushed = 0, False
-    hello = Received(0x200, struct.pack("<HHBBB", 0x0402, 0x0406, 0, 45, 1))
 
-    def stuck_half_open(k: int) -> list[Received]:
-        # Something in its way, and the noise of its encoders: so the torque rises to what is allowed.
-        noise = k % 3
-        fingers = [
-            Received(0x80 + 4 * f, struct.pack("<4h", noise, 2000, 2000, 2000 + noise)) for f in range(3)
-        ]
-        return [*fingers, Received(0x8C, struct.pack("<4h", 9000, 1000 + noise, 2000, 2000))]
-
-    # First a hand as it should be, so that torques come at all; then anything.
-    begin = [([hello] if k == 20 else stuck_half_open(k) if k > 20 else [], 3, 5) for k in range(steady)]
+    # First a hand with something in its way, so that the torque rises to what is allowed; then anything.
+    begin = [(stuck_hand(k), 3, 5) for k in range(steady)]
     for frames, wait_ms, level in [*begin, *steps]:
         t_ns += wait_ms * MS
         for frame in link.exchange(frames, t_ns, level, wait_ms % 5 / 4):  # and anything may be added
