@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import functools
 import os
+from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import msgspec
@@ -38,15 +39,12 @@ def watched(
     used = maxima(samples, rate_hz)
     if full is not None:
         used = msgspec.structs.replace(used, maxima=(full,) * samples.shape[1])
-    found: list[MuscleCondition] = []
-    watch, first = ConditionWatch(used), 0
-    for part in np.split(samples, sorted(cuts)):
-        found += watch.take(EmgChunk(0, first, part))
-        first += len(part)
-    return found
+    watch, ends = ConditionWatch(used), [0, *sorted(cuts), len(samples)]
+    chunks = [EmgChunk(0, first, samples[first:end]) for first, end in pairwise(ends)]
+    return [found for chunk in chunks for found in watch.take(chunk)]
 
 
-@functools.cache
+@cache
 def band(percent: int) -> NDArray[np.float64]:
     return np.asarray(butter(2, (0.4 * percent, 1.6 * percent), "bandpass", fs=1000, output="sos"))
 
@@ -58,8 +56,7 @@ def effort(minutes: float, lowest: float, seed: int = 1) -> Samples:
     for k in range(round(60 * minutes)):
         percent = round(100 - 100 * (1 - lowest) * k / (60 * minutes))
         noise = rng.normal(size=(1300, 2))
-        filtered = [sosfilt(band(p), noise[:, c])[300:] for c, p in enumerate((percent, 100))]
-        second = np.column_stack(filtered)
+        second = np.column_stack([sosfilt(band(p), noise[:, c])[300:] for c, p in enumerate((percent, 100))])
         parts.append(second / second.std(axis=0) * 50)
     return np.concatenate(parts)
 

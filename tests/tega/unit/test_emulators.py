@@ -1,4 +1,4 @@
-"""The emulators' own bytes, against the published packets, and that they stand on nothing of ours."""
+"""The emulators' own bytes against the published packets; they stand on nothing of ours, and move as typed."""
 
 from __future__ import annotations
 
@@ -6,51 +6,38 @@ import random
 import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from tega.devices import driver_class
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import ManualClock
 from tega_emulators.chords import ChordsBoard
+from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.faults import Signal
 from tega_emulators.process import Emulator
 
-MODULES = (
-    "allegro_port",
-    "ascii_board",
-    "bhaptics_player",
-    "bluez_vest",
-    "chords",
-    "spiker",
-    "cyton",
-    "digit",
-    "hid_bridge",
-    "hid_input",
-    "lsl",
-)
-
-
-def signal(kind: str, rate_hz: float = 250.0) -> Signal:
-    return Signal(rate_hz, random.Random(0), kind)
+CODE = """
+import importlib, sys
+modules = "allegro_port ascii_board bhaptics_player bluez_vest chords spiker cyton digit hid_bridge hid_input lsl"
+for name in modules.split():
+    importlib.import_module("tega_emulators." + name)
+    found = [m for m in sys.modules if m.startswith(("tega.wire", "tega._native", "tega.devices", "tega.hand"))]
+    assert found == [], (name, found)
+"""
 
 
 def test_no_emulator_imports_what_it_is_to_check() -> None:
-    code = (
-        "import importlib, sys\n"
-        f"for name in {MODULES}:\n"
-        "    importlib.import_module('tega_emulators.' + name)\n"
-        "    ours = ('tega.wire', 'tega._native', 'tega.devices', 'tega.hand')\n"
-        "    found = [m for m in sys.modules if m.startswith(ours)]\n"
-        "    assert found == [], (name, found)\n"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+    subprocess.run([sys.executable, "-c", CODE], check=True)
 
 
 def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
     clock = ManualClock()
     board = ChordsBoard(
-        signal("flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400,
+        Signal(250.0, random.Random(0), "flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400,
         generation=generation, now_s=lambda: clock.now_ns() / 1e9,
     )  # fmt: skip
     return board, clock
@@ -108,3 +95,52 @@ def test_an_emulator_answers_what_it_does_not_understand_and_lives(module: str, 
         device.kill()
         with pytest.raises(DeviceUnavailableError, match="does not run"):
             device.say("clear")
+
+
+@pytest.mark.slow
+def test_a_line_that_is_no_move_is_refused_with_the_moves() -> None:
+    bench = EmulatedBench()
+    for line in ("dance", "squeeze 2", "squeeze hard", "press", "press elbow", "rest 1"):
+        with pytest.raises(InvalidValueError, match="is no move") as found:
+            bench.moves.act(line)
+        assert "squeeze" in found.value.hint
+
+
+@pytest.mark.slow
+def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
+    with EmulatedBench() as bench:
+        amplifier = bench.looked["cyton"].found[0]
+        options = driver_class("cyton").options_type(**amplifier.options, measure_s=0.5)
+        with driver_class("cyton", "emg")(options) as source:
+
+            def strengths() -> np.ndarray:
+                until_s = time.monotonic() + 1.0
+                while time.monotonic() < until_s:  # what was measured before the move
+                    source.read(0.2)
+                chunks = [source.read(1.0) for _ in range(20)]
+                return np.asarray(
+                    np.concatenate([one.samples for one in chunks if one is not None]).std(axis=0)
+                )
+
+            bench.moves.act("rest")
+            at_rest = strengths()
+            bench.moves.act("squeeze 0.5 2")
+            alone = strengths()
+        assert alone[1] > 5 * at_rest[1]
+        assert alone[0] < 2 * at_rest[0] + 1.0
+        camera = bench.looked["digit"].found[0]
+        with driver_class("digit", "tactile")(driver_class("digit").options_type(**camera.options)) as sensor:
+
+            def picture() -> np.ndarray:
+                until_s = time.monotonic() + 1.0
+                newest = None
+                while newest is None or time.monotonic() < until_s:
+                    newest = sensor.read(1.0) or newest
+                return newest.image.astype(float)
+
+            untouched = picture()
+            bench.moves.act("press thumb 0.9")
+            pressed = picture()
+            bench.moves.act("release")
+            again = picture()
+        assert np.abs(pressed - untouched).max() > 2 * np.abs(again - untouched).max()

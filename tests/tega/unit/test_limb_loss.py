@@ -38,7 +38,6 @@ _WRIST_AT = {"left": 76 + _JOINT_BYTES, "right": 1012 + _JOINT_BYTES}
 
 
 def packet(number: int, hand: str, rest: bytes) -> bytes:
-    """Return a packet with the wrist of one hand on a path, and with other bytes wherever the wrist is not."""
     data = bytearray(rest)
     data[:16] = struct.pack("<QII", 10_000_000 + 166_667 * number, 1936, 0b1111)
     wrist = struct.pack("<4f3ffi", 0.0, 0.6, 0.0, 0.8, 0.01 * number, -0.2, -0.4, 0.01, 0)

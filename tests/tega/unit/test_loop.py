@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -31,40 +31,27 @@ def run_loop(
     *,
     contacts: dict[str, Any] | None = None,
     clock: Any = None,
-    observer: Callable[[LoopView], None] | None = None,
     levels: Any = None,
     vest: Sink | None = None,
     hand: Sink | None = None,
     bus: Bus | None = None,
     **how: Any,
 ) -> DualLoop:
-    bus = bus or Bus()
-    if observer is not None:
-        bus.subscribe(Snapshot, lambda snapshot: observer(snapshot.view), vital=True)
-    loop = wired_loop(
-        Pacer(clock or ManualClock()),
-        contacts=contacts or {},
-        levels=levels,
-        vests=[vest or Sink()],
-        hands=[hand or Sink()],
-        bus=bus,
-    )
+    sinks: Any = {"vests": [vest or Sink()], "hands": [hand or Sink()]}
+    loop = wired_loop(Pacer(clock or ManualClock()), contacts=contacts or {}, levels=levels, bus=bus, **sinks)
     loop.run(**how)
     return loop
 
 
 def pressed(n: int, *, every_ns: int = 10 * MS) -> Any:
-    """Return a stream of so many pictures that show a firm contact."""
     return PulledStream(touching(100, 1.0, t_ns=k * every_ns) for k in range(n))
 
 
 def steady(level: int, *, end_ns: int) -> Any:
-    """Return a stream of one level."""
     return PulledStream([Intent(t_ns=0, channels=(level,), level=level)], end_ns=end_ns)
 
 
 def is_limp(hand: Sink) -> bool:
-    """Whether a hand was left without force."""
     return [(frame.id, frame.data) for frame in hand.sent[-1][1]] == LIMP
 
 
@@ -88,8 +75,9 @@ def test_ticks_come_at_their_deadlines_and_the_way_out_is_last() -> None:
 def test_a_level_steers_from_its_stamp_on() -> None:
     hand = Sink()
     levels = PulledStream([Intent(t_ns=30 * MS, channels=(4,), level=4)], end_ns=600 * MS)
-    views: list[LoopView] = []
-    report = run_loop(levels=levels, hand=hand, observer=views.append).report
+    bus, views = Bus(), list[LoopView]()
+    bus.subscribe(Snapshot, lambda snapshot: views.append(snapshot.view), vital=True)
+    report = run_loop(levels=levels, hand=hand, bus=bus).report
     assert report.level_ticks == {1: 10, 2: 0, 3: 0, 4: 190, 5: 0}
     assert [v.intent and v.intent.level for v in views[:3]] == [None, 4, 4]
     assert any(any(f.data) for f in hand.sent[-2][1])
@@ -182,16 +170,14 @@ def test_a_problem_only_on_the_way_out_is_raised() -> None:
 def test_being_told_to_stop_and_a_set_duration_end_it_cleanly() -> None:
     requested = iter([False] * 20 + [True] * 100)
     vest = Sink()
-    loop = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, stop=lambda: next(requested))
-    assert loop.report.ended == "stopped"
+    report = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, stop=lambda: next(requested)).report
+    assert report.ended == "stopped"
     assert is_silent(vest.sent[-1][1])
-    loop = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, duration_ns=50 * MS)
-    assert (loop.report.ended, loop.report.end_ns) == ("duration", 50 * MS)
+    report = run_loop(contacts={"thumb": pressed(10**9)}, vest=vest, duration_ns=50 * MS).report
+    assert (report.ended, report.end_ns) == ("duration", 50 * MS)
 
 
 class Jumpy(ManualClock):
-    """A clock on which some waits come late."""
-
     def __init__(self, late_ns: dict[int, int]) -> None:
         super().__init__()
         self._late_ns = late_ns

@@ -28,21 +28,16 @@ def picture(share: float = 1.0) -> Image:
 
 
 class Camera:
-    """Pictures, 20 ms apart, and what a live run makes of them."""
-
     def __init__(self, *, live: bool = True) -> None:
         self.report = SourceReport()
         self.meter = FrameMeter(BASELINE, preset_metric("live", BASELINE), self.report, live=live)
         self.n = 0
 
     def used(self, *images: Image) -> list[bool]:
-        """Show it pictures; return which of them were used."""
-        found = []
-        for image in images:
-            frame = TactileFrame(self.n * 20 * MS, self.n, image, f"picture {self.n}")
-            found.append(self.meter.take(frame) is not None)
-            self.n += 1
-        return found
+        """Show it pictures, 20 ms apart; return which of them were used."""
+        frames = [TactileFrame(k * 20 * MS, k, image, "") for k, image in enumerate(images, self.n)]
+        self.n += len(images)
+        return [self.meter.take(frame) is not None for frame in frames]
 
 
 def test_a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture() -> None:

@@ -25,7 +25,6 @@ BOTH = [["sleep", "delay"], ["sleep:handle-lid-switch", "block"]]
 
 @pytest.fixture
 def logind(monkeypatch: pytest.MonkeyPatch) -> Iterator[Emulator]:
-    """An emulated logind, which programs that are started meanwhile take for the system's."""
     with Emulator("logind") as emulated:
         monkeypatch.setenv("DBUS_SYSTEM_BUS_ADDRESS", emulated.address["bus"])
         yield emulated

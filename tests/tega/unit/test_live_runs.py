@@ -1,7 +1,8 @@
-"""Live EMG in the loop: missing samples take their time, and a run survives its source."""
+"""Runs on live devices: they survive the loss of a source, and nothing moves before all is there."""
 
 from __future__ import annotations
 
+import os
 import threading
 from pathlib import Path
 from typing import Any
@@ -11,40 +12,27 @@ import pytest
 
 from reference.kept import muscle_file
 from reference.parts import Given, observed
+from reference.processes import begun_by
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration import EmgMaxima
-from tega.devices.base import DeviceInfo, EmgChunk
-from tega.loop.inbox.sources import BlockMeter, SourceReport, grasp_blocks
+from tega.config.choose import muscle_setup
+from tega.devices.base import EmgChunk
+from tega.errors import DeviceUnavailableError
+from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.session import run_session
-from tega.stages.base import MuscleSetup
 from tega.stages.decoders import RulesDecoder, RulesOptions
+from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
-
-
-class Gappy:
-    """A source whose samples come in chunks with given numbers."""
-
-    def __init__(self, chunks: list[EmgChunk]) -> None:
-        self._chunks = chunks
-        self.info = DeviceInfo(driver="gappy", kind="emg", label="gappy", live=True, channels=("ch1",))
-
-    @property
-    def ended(self) -> bool:
-        return not self._chunks
-
-    def read(self, timeout_s: float) -> EmgChunk:  # noqa: ARG002
-        return self._chunks.pop(0)
 
 
 def test_missing_samples_take_their_time() -> None:
     # 100 samples, 350 missing, 100 samples, at 500 Hz in blocks of 50: eleven blocks of time.
-    ones = np.ones((100, 1))
-    source: Any = Gappy([EmgChunk(200_000_000, 0, ones), EmgChunk(1_100_000_000, 450, ones)])
-    setup = MuscleSetup("envelope", 500.0, 50, ("a",), (1.0,), "paper")
-    report = SourceReport()
+    ones, report = np.ones((100, 1)), SourceReport()
     maxima = EmgMaxima(kind="envelope", rate_hz=500.0, tau=50, channels=("a",), maxima=(1.0,))
-    meter = BlockMeter(RulesDecoder(setup, RulesOptions()), report, maxima=maxima, live=source.info.live)
-    blocks = list(grasp_blocks(source, meter))
+    decoder = RulesDecoder(muscle_setup(maxima, "paper"), RulesOptions())
+    meter = BlockMeter(decoder, report, maxima=maxima, live=True)
+    chunks = EmgChunk(200_000_000, 0, ones), EmgChunk(1_100_000_000, 450, ones)
+    blocks = [block for chunk in chunks for block in meter.take(chunk)]
     assert (report.n_items, report.n_missing) == (200, 350)
     assert len(blocks) == 11
     assert [block.channels[0] for block in blocks][:2] == [5, 5]
@@ -54,7 +42,6 @@ def test_missing_samples_take_their_time() -> None:
 
 
 def _settings(folder: Path, port: str, *, duration_s: float) -> SessionConfig:
-    """Return the settings of a run on a calibrated Cyton."""
     tree: dict[str, Any] = {
         "session": {"duration_s": duration_s, "out_dir": str(folder / "out")},
         "calibration": {"file": str(muscle_file(folder, 300.0, 300.0, 300.0, rate_hz=250.0))},
@@ -118,3 +105,39 @@ def test_a_page_that_asks_all_the_time_does_not_disturb_the_reader(tmp_path: Pat
     assert requested[0] > 100
     assert summary["ended"] == "duration"
     assert "emg: lost" not in str(summary)
+
+
+@pytest.mark.slow
+def test_a_hand_is_not_touched_where_a_source_is_missing(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, emg_hz=250.0, hand=True) as lab:
+        lab.tree["emg"]["options"] |= {"start_s": 0.5}
+        lab.emg.say("freeze")
+        with pytest.raises(DeviceUnavailableError, match="cyton"):
+            run_session(check_tree(lab.tree, {}, base=tmp_path).config)
+        check = lab.hand.say("look")
+        assert (check["torques"], check["servo_on"], check["reports"]) == (0, False, False)
+        for module in ("tega.devices.hand.hand_program", "tega.devices.hand.hand_guard"):
+            assert begun_by(os.getpid(), module) == []
+
+
+@pytest.mark.slow
+def test_the_first_missing_device_is_told_and_what_was_opened_is_closed(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, emg_hz=500.0, fingers=("thumb",)) as lab:
+        lab.tree["emg"]["options"] |= {"measure_s": 0.25}
+        with Emulator("digit") as absent:
+            lab.tree["tactile"]["index"] = {
+                **lab.tree["tactile"]["thumb"],
+                "options": {"source": absent.address["source"], "warm_up_s": 0.1},
+            }
+        with pytest.raises(DeviceUnavailableError, match="does not open"):
+            run_session(check_tree(lab.tree, {}, base=tmp_path).config)
+        assert bytes.fromhex(lab.emg.say("heard")["heard"]).endswith(b"START\nSTOP\n")
+
+
+@pytest.mark.slow
+def test_a_source_that_is_missing_is_told_before_the_muscles(tmp_path: Path) -> None:
+    with emulated_lab(tmp_path, emg_hz=250.0, fingers=("thumb",)) as lab:
+        lab.tree["emg"]["options"]["port"] = str(tmp_path / "no-port")
+        lab.sensors["thumb"].kill()
+        with pytest.raises(DeviceUnavailableError, match="digit"):
+            run_session(check_tree(lab.tree, {}, base=tmp_path).config)
