@@ -17,7 +17,6 @@ Install = Callable[..., None]
 
 
 def checked(tree: dict[str, Any]) -> SessionConfig:
-    """Return the settings of a tree."""
     return check_tree(tree, {}, base=Path()).config
 
 

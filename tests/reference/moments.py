@@ -26,8 +26,6 @@ _DEPTHS = {"thumb": 120.0, "index": 90.0, "middle": 60.0, "ring": 150.0}
 
 
 class Moments:
-    """Moments of a made-up grasp; the same seed makes the same ones."""
-
     def __init__(self, seed: int = 1) -> None:
         self._seeds = {finger: seed + k for k, finger in enumerate(FINGERS)}
         self._baselines = {finger: _enlarged(baseline(number)) for finger, number in self._seeds.items()}
@@ -43,12 +41,11 @@ class Moments:
             metric = preset_metric("live", self._baselines[finger], finger)
             for snapshot in range(6):  # one picture, until the memory has settled
                 contact = metric.update(frame, snapshot * 16_666_667)
-            picture = TouchImage(frame, contact, metric.touch_map())
+            pictures[finger] = TouchImage(frame, contact, metric.touch_map())
             touches = contact.in_contact
             cci, eda = touches * min(contact.cci / 4, 1.0), touches * min(contact.eda / 20_000, 1.0)
             columns = {"front": intensity(cci, 1.0), "back": intensity(eda, 1.0)}
             contacts[finger] = replace(contact, t_ns=round(t_s * 1e9), cci_norm=cci, eda_norm=eda, **columns)
-            pictures[finger] = picture
         n = round(t_s * RATE_HZ)
         level = 1 + min(4, int(squeeze * 5))
         loop = LoopView(

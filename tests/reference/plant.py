@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -16,24 +16,17 @@ from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.operator import Operator, PersonNumbers, typical_person
 from tega_sim.seams import Act, Percept, WorldTruth
 
-HAND_S = 0.25
-"""Lag of the closure behind the muscles, seconds."""
-SLIP_M_S_PER_LEVEL = 0.06
-"""Speed of the slide through the grasp for each level that is missing."""
+# Lag of the closure behind the muscles, and speed of the slide for each level that is missing.
+HAND_S, SLIP_M_S_PER_LEVEL = 0.25, 0.06
+# Levels over the closure that harms, where narrowing counts as a deformation: 4 % of the width.
 DEFORMED_LEVELS = 0.4
-"""Levels over the closure that harms, where narrowing counts as a deformation: 4 % of the width."""
-
-TOUCH = 1.5
-"""Closure at which the fingers touch, levels."""
-
-FULL_EFFORT = 0.7
-"""Excitation that closes the hand fully."""
-
-HELD = frozenset({"lift", "hold", "place"})
+# Share of its width by which an object is narrowed for each level over the closure that harms it.
+GIVES_PER_LEVEL = 0.1
+# Closure at which the fingers touch, and excitation that closes the hand fully.
+TOUCH, FULL_EFFORT = 1.5, 0.7
 
 
 def with_(who: PersonNumbers, section: str, **values: float) -> PersonNumbers:
-    """Return a person with other numbers in one section."""
     return msgspec.structs.replace(who, **{section: msgspec.structs.replace(getattr(who, section), **values)})
 
 
@@ -42,15 +35,7 @@ EXACT = with_(typical_person(), "motor", aim_sd=0.0, aim_floor=0.0, effort_sd=0.
 
 
 class GraspOutcome(NamedTuple):
-    """Outcome of one trial.
-
-    Attributes:
-        slips: Times it began to slide through the grasp faster than 5 mm/s.
-        deformed: Whether it was narrowed by more than 4 % of its width.
-        dropped: Whether it was lifted and fell.
-        highest_m: How high it got, metres.
-        acts: Everything that was done.
-    """
+    """Outcome of one trial; ``slips`` are the times it began to slide faster than 5 mm/s."""
 
     slips: int
     deformed: bool
@@ -59,25 +44,14 @@ class GraspOutcome(NamedTuple):
     acts: list[Act]
 
 
-GIVES_PER_LEVEL = 0.1
-"""Share of its width by which an object is narrowed for each level over the closure that harms it."""
-
-
 class Grasp(NamedTuple):
-    """Object of a grasp.
-
-    Attributes:
-        need: Closure it needs, levels.
-        harm: Closure that harms it, levels.
-        width_m: Its width, metres.
-    """
+    """Object of a grasp, with the closures that it needs and that harm it, levels."""
 
     need: float = 2.4
     harm: float = 3.6
     width_m: float = 0.07
 
     def narrower_m(self, closure: float) -> float:
-        """Return by how much a closure narrows it, metres."""
         return self.width_m * GIVES_PER_LEVEL * max(closure - self.harm, 0.0)
 
     @property
@@ -86,41 +60,20 @@ class Grasp(NamedTuple):
         return self.narrower_m(self.harm + DEFORMED_LEVELS)
 
 
-class GraspActor(Protocol):
-    """Operator of the plant."""
-
-    def begin(self, name: str, *, width_m: float, trial: int = 0, rest_s: float = 60.0) -> None:
-        """Start a trial."""
-        ...
-
-    def act(self, percept: Percept) -> Act:
-        """Take in a percept and return what is done."""
-        ...
-
-
 def told_frame(closure: float) -> MotorLevels:
-    """Return the frame that tells a closure, by the law of the real vest."""
     percent = intensity(max(closure - TOUCH, 0.0) / 3, 1.0)
     return vest_frame([percent] * 4, [percent] * 4)
 
 
 def grasp(
-    actor: GraspActor,
+    actor: Any,
     vest: Callable[[float, MotorLevels], MotorLevels | None] | None,
     *,
     item: Grasp | None = None,
     trial: int = 0,
     seconds: float = 20.0,
 ) -> GraspOutcome:
-    """Let an operator try once.
-
-    Args:
-        actor: Who tries.
-        vest: Turns the time and the frame that tells the grip into the one that is worn; ``None`` without a vest.
-        item: What is lifted.
-        trial: Number of the trial.
-        seconds: When it ends at the latest.
-    """
+    """Let an operator try once; ``vest`` turns the time and the frame that tells the grip into the one that is worn."""
     item = item or Grasp()
     if isinstance(actor, Operator):
         actor.bears_m = item.bears_m
@@ -146,7 +99,7 @@ def grasp(
         requested = min(max(4 * act.excitation / FULL_EFFORT + 0.5, 1.0), 5.0)
         closure += (requested - closure) * -math.expm1(-0.01 / HAND_S)
         missing, hand_m, slip_m_s = item.need - closure, act.forearm_m[0], 0.0
-        if act.phase not in HELD or dropped or grip == 0:
+        if act.phase not in {"lift", "hold", "place"} or dropped or grip == 0:
             dropped = dropped or (lifted and height_m > 0.02)
             lifted, height_m = False, 0.0
         elif not lifted:

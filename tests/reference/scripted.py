@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,30 +19,18 @@ STARTED_NS = 1_000 * MS
 
 def touching(eda: int, cci: float = 0.5, *, t_ns: int = 0) -> Contact:
     """Return a contact of so many pixels; none where that is 0."""
+    shape: dict[str, Any] = {"mass": 1.0, "spread": 1.0, "threshold": 1.0, "peak": 9.0, "peak_xy": (1, 1)}
     return Contact(
-        finger="thumb",
-        t_ns=t_ns,
-        mass=1.0,
-        centroid_xy=(1.0, 1.0),
-        spread=1.0,
-        threshold=1.0,
-        eda=eda,
-        cci=cci,
-        peak=9.0,
-        peak_xy=(1, 1),
-        in_contact=eda > 0,
+        finger="thumb", t_ns=t_ns, centroid_xy=(1.0, 1.0), eda=eda, cci=cci, in_contact=eda > 0, **shape
     )
 
 
 class Sink:
-    """A sink that keeps what it is sent, and may fail at a time."""
-
     def __init__(self, fail_at_ns: int | None = None) -> None:
         self.sent: list[tuple[int, Any]] = []
         self._fail_at_ns = fail_at_ns
 
     def write(self, t_ns: int, subject: Any) -> Any:
-        """Keep it, or fail."""
         if self._fail_at_ns is not None and t_ns >= self._fail_at_ns:
             raise DeviceUnavailableError("the cable is out")
         self.sent.append((t_ns, subject))
@@ -50,29 +38,21 @@ class Sink:
 
 
 class ScriptedCamera:
-    """A sensor that delivers what it is given, pictures or errors."""
-
     def __init__(self, script: Sequence[Any], *, live: bool = True) -> None:
         self._script = list(script)
         self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=live, rate_hz=60.0)
 
     @property
     def ended(self) -> bool:
-        """Whether the script is over."""
         return not self._script
 
     def read(self, timeout_s: float) -> TactileFrame | None:
-        """Do the next step of the script."""
         assert timeout_s <= 0.1
         step = self._script.pop(0) if self._script else None
         if isinstance(step, Exception):
             raise step
         picture: TactileFrame | None = step
         return picture
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
 
 
 def live_frame(k: int, *, image: NDArray[np.uint8] | None = None) -> TactileFrame:

@@ -60,7 +60,6 @@ def record(
     bus: Bus | None = None,
     **recording: Any,
 ) -> Path:
-    """Record a run to the end of its input, or for a shorter time."""
     wanted = tree(folder, **recording)
     wanted["session"] |= {"preset": preset} | ({} if duration_s is None else {"duration_s": duration_s})
     summary = run_session(check_tree(wanted, {}, base=Path.cwd()).config, bus=bus)
@@ -112,21 +111,22 @@ def rewritten(
     times: Callable[[str, int], int] = lambda _topic, log_ns: log_ns,
 ) -> Path:
     """Copy a recording with the public reader and writer, changing messages, attachments, tables and log times."""
-    data = source.read_bytes()
+    data, tables = source.read_bytes(), tables or {}
     with target.open("wb") as new:
         writer: Any = Writer(new)
         writer.start()
-        reader = NonSeekingReader(io.BytesIO(data))
         for attachment in NonSeekingReader(io.BytesIO(data)).iter_attachments():
             content = (files or {}).get(attachment.name, attachment.data)
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
-        tables, there = tables or {}, list(NonSeekingReader(io.BytesIO(data)).iter_metadata())
+        there = list(NonSeekingReader(io.BytesIO(data)).iter_metadata())
         for table in there:
             writer.add_metadata(table.name, {**table.metadata, **tables.get(table.name, {})})
         for name in tables.keys() - {table.name for table in there}:
             writer.add_metadata(name, dict(tables[name]))
         ids: dict[int, int] = {}
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
+        for schema, channel, message in NonSeekingReader(io.BytesIO(data)).iter_messages(
+            log_time_order=False
+        ):
             assert schema is not None
             if channel.id not in ids:
                 schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -154,13 +154,11 @@ def messages(path: Path) -> list[Raw]:
 
 
 def attached(path: Path) -> dict[str, bytes]:
-    """Return the attachments."""
     with path.open("rb") as file:
         return {a.name: a.data for a in NonSeekingReader(file).iter_attachments()}
 
 
 def reported(path: Path) -> dict[str, dict[str, str]]:
-    """Return the metadata, tables of one name joined."""
     tables: dict[str, dict[str, str]] = {}
     with path.open("rb") as file:
         for table in NonSeekingReader(file).iter_metadata():
@@ -172,20 +170,16 @@ Kind = TypeVar("Kind", bound=Record)
 
 
 class Recorded:
-    """Records of some types that a recording holds."""
-
     def __init__(self, feed: RecordFeed, kinds: tuple[type[Record], ...]) -> None:
         self.head = feed.head
         self._records: dict[type[Record], list[Any]] = {kind: feed.collect(kind) for kind in kinds}
         feed.read_rest()
 
     def of(self, kind: type[Kind]) -> list[Kind]:
-        """Return the records of a type, in order."""
         return self._records.get(kind, [])
 
     @property
     def contacts(self) -> dict[str, list[Contact]]:
-        """Contacts by finger, in order."""
         return {f: [one for one in self.of(Contact) if one.finger == f] for f in self.head.baselines}
 
 

@@ -15,12 +15,11 @@ from reference.sessions import tree
 from tega.config import check_tree
 from tega.loop import LoopView, Snapshot, run_session
 from tega.recording.replay import replay_file
-from tega.records import Alert, Contact, Intent, Marker, Record, RunState, VestFrame
+from tega.records import Alert, Contact, Intent, Record, RunState, VestFrame
 from tega.records.bus import DROPS_REPORTED_S, Backlog, Bus, report_drops
 
 
 def session(folder: Path) -> dict[str, Any]:
-    """Return the settings of a short recorded run."""
     settings = tree(folder / "session")
     del settings["tactile"]["ring"]
     settings["tactile"]["thumb"], settings["emg"] = finger(0.3), muscles(0.3)
@@ -32,19 +31,12 @@ def state(t_ns: int) -> RunState:
 
 
 def test_records_come_in_the_order_they_are_published_to_subscribers_in_theirs() -> None:
-    bus, reported = Bus(), list[tuple[str, str, int]]()
-    bus.subscribe(Record, lambda r: reported.append(("first", r.where, r.log_ns)))
-    bus.subscribe(Record, lambda r: reported.append(("second", r.where, r.log_ns)))
-    bus.subscribe(Alert, lambda r: reported.append(("alerts", r.where, r.t_ns)))
+    bus, reported = Bus(), list[tuple[int, str, int]]()
+    for k, kind in enumerate((Record, Record, Alert)):
+        bus.subscribe(kind, lambda r, k=k: reported.append((k, r.where, r.log_ns)))
     bus.publish(state(1))
     bus.publish(Alert(t_ns=2, name="x", said="y"))
-    assert reported == [
-        ("first", "/run/state", 1),
-        ("second", "/run/state", 1),
-        ("first", "/run/alert", 2),
-        ("second", "/run/alert", 2),
-        ("alerts", "/run/alert", 2),
-    ]
+    assert reported == [(k, "/run/state", 1) for k in (0, 1)] + [(k, "/run/alert", 2) for k in (0, 1, 2)]
 
 
 def test_nobody_makes_a_record_that_nobody_wants() -> None:
@@ -52,8 +44,13 @@ def test_nobody_makes_a_record_that_nobody_wants() -> None:
     assert not bus.wants(Contact)
     bus.subscribe(Intent, lambda _intent: None)
     assert (bus.wants(Contact), bus.wants(Intent)) == (False, True)
-    bus.subscribe(Record, lambda _record: None)
-    assert bus.wants(Contact)
+    recorded, displayed = list[Record](), list[Snapshot]()
+    bus.subscribe(Record, recorded.append)
+    assert (bus.wants(Contact), bus.wants(Snapshot)) == (True, False)
+    bus.subscribe(Snapshot, displayed.append)
+    view = LoopView(0, {}, None, None, None, {})
+    bus.publish(Snapshot(t_ns=0, view=view))
+    assert ([snapshot.view for snapshot in displayed], recorded) == ([view], [])
 
 
 def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(
@@ -77,12 +74,8 @@ def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(
 
 def test_a_vital_subscriber_s_failure_is_the_publisher_s() -> None:
     bus = Bus()
-
-    def fails(_record: RunState) -> None:
-        raise OSError(28, "No space left on device")
-
-    bus.subscribe(RunState, fails, vital=True)
-    with pytest.raises(OSError, match="No space"):
+    bus.subscribe(RunState, lambda record: [][record.t_ns], vital=True)
+    with pytest.raises(IndexError):
         bus.publish(state(1))
 
 
@@ -131,16 +124,12 @@ def test_one_that_fails_behind_a_backlog_is_left_out_too() -> None:
 @pytest.mark.raises("subscribers")
 def test_a_run_whose_onlookers_fail_does_and_records_the_same(tmp_path: Path) -> None:
     bus, seen = Bus(), list[str]()
-
-    def fails(_record: Any) -> None:
-        raise ValueError("a mistake in a display")
-
-    bus.subscribe(Contact, fails, name="display")
+    bus.subscribe(Contact, lambda record: [][record.t_ns], name="display")
     bus.subscribe(VestFrame, lambda record: seen.append(record.where))
     summary = run_session(check_tree(session(tmp_path), {}, base=tmp_path).config, bus=bus)
     assert summary["ended"] == "complete"
     assert set(seen) == {"/vest/frame"}
-    assert summary["safety"]["alerts"] == ["display: ValueError: a mistake in a display"]
+    assert summary["safety"]["alerts"] == ["display: IndexError: list index out of range"]
     assert replay_file(tmp_path / "session" / summary["recording"]["file"]).same
 
 
@@ -164,23 +153,6 @@ def test_a_recorder_that_fails_is_told_and_ends_no_run(
     assert "a mistake in the recorder" in summary["recording"]["reason"]
     for file in files:
         file.close()  # a stopped recorder leaves it to the next start
-
-
-def test_markers_of_two_kinds_are_told_apart_by_their_topic() -> None:
-    assert Marker(t_ns=0, text="x").where == "/run/marker"
-    contact = Contact(finger="ring", t_ns=5, taken_ns=7, in_contact=False)
-    assert (contact.where, contact.log_ns) == ("/tactile/ring/contact", 7)
-
-
-def test_a_moment_is_made_only_for_who_asks_for_it() -> None:
-    bus, recorded, displayed = Bus(), list[Record](), list[Snapshot]()
-    bus.subscribe(Record, recorded.append)
-    assert not bus.wants(Snapshot)
-    bus.subscribe(Snapshot, displayed.append)
-    view = LoopView(0, {}, None, None, None, {})
-    bus.publish(Snapshot(t_ns=0, view=view))
-    assert [snapshot.view for snapshot in displayed] == [view]
-    assert recorded == []
 
 
 def test_a_backlog_for_the_newest_drops_the_oldest_and_tells_how_long_the_rest_waited() -> None:

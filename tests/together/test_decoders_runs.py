@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,26 +32,17 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
     n = int(seconds * rate_hz)
     effort = np.array([(curve.at(max(0.0, (k + 1) / rate_hz - 0.3)) - 1) / 4 for k in range(n)])
     emg = rng.normal(size=(n, len(names))) * (0.02 + effort[:, None])
-    chunks, size = [], round(0.05 * rate_hz)
-    for first in range(0, n, size):
-        part = emg[first : first + size]
-        chunks.append(EmgChunk(10**9 + round((first + len(part)) / rate_hz * 1e9), 700 + first, part))
+    size = round(0.05 * rate_hz)
+    parts = [(first, emg[first : first + size]) for first in range(0, n, size)]
+    chunks = [
+        EmgChunk(10**9 + round((first + len(part)) / rate_hz * 1e9), 700 + first, part)
+        for first, part in parts
+    ]
     record = folder / "20261122-150405.toml"
-    kept = PracticeRecord(
-        person="p01",
-        device="d",
-        driver="synthetic-emg",
-        made=utc_now(),
-        preset="live",
-        seed=1,
-        kind="raw",
-        duration_s=seconds,
-        in_target_percent=50.0,
-        rms_error_levels=0.5,
-        rate_hz=rate_hz,
-        channels=names,
-    )
-    write_record(kept, record)
+    who = {"person": "p01", "device": "d", "driver": "synthetic-emg", "made": utc_now(), "preset": "live"}
+    what = {"duration_s": seconds, "in_target_percent": 50.0, "rms_error_levels": 0.5}
+    emg_of: dict[str, Any] = {"kind": "raw", "rate_hz": rate_hz, "channels": names}
+    write_record(PracticeRecord(seed=1, **who, **what, **emg_of), record)
     keep_tracked(tracked_samples(chunks, curve, rate_hz=rate_hz, start_ns=10**9), record)
     found, _ = read_tracked(record)
     assert np.array_equal(found.samples, emg)
@@ -104,12 +96,9 @@ def test_decoders_are_compared_on_what_a_person_practised(
     record = tracked(tmp_path, ("a", "b", "c"), 200.0, 90.0)  # rest and effort in both halves
     assert teleop("emg", "compare", str(record), "--decoders", "rules,learned", "--json") == 0
     rows = json.loads(capsys.readouterr().out)
-    assert [(row["decoder"], row["judged_on"]) for row in rows] == [
-        ("rules", "second half"),
-        ("learned", "second half"),
-        ("rules", "first half (swapped)"),
-        ("learned", "first half (swapped)"),
-    ]
+    halves = ("second half", "first half (swapped)")
+    wanted = [(decoder, half) for half in halves for decoder in ("rules", "learned")]
+    assert [(row["decoder"], row["judged_on"]) for row in rows] == wanted
     assert all(row["rank_correlation"] > 0.8 for row in rows if row["decoder"] == "learned")
     assert teleop("emg", "compare", str(record), "--channels", "1,4") == 2
     assert "has 3 channels" in capsys.readouterr().err

@@ -46,7 +46,6 @@ NAMES = sorted(chain(*COLUMNS))
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of two hands, of which each finger is pressed by itself."""
     folder = tmp_path_factory.mktemp("fingers")
     touch = {name: finger(SECONDS, seed, (40, 32)) for seed, name in enumerate(NAMES)}
     stages = {"mapping": {"options": {"fingers": COLUMNS}}}
@@ -58,7 +57,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / str(summary["recording"]["file"])
 
 
-def test_every_finger_is_recorded_and_computed_again_bit_for_bit(recorded: Path) -> None:
+def test_every_finger_is_recorded_computed_again_bit_for_bit_and_exported(
+    recorded: Path, tmp_path: Path
+) -> None:
     contacts = read_recorded(recorded, Contact, Picture).contacts
     assert sorted(contacts) == NAMES
     assert all(any(contact.front > 0 for contact in rows) for rows in contacts.values())
@@ -67,9 +68,6 @@ def test_every_finger_is_recorded_and_computed_again_bit_for_bit(recorded: Path)
     rows = {stream.stream: (stream.recorded, stream.differ) for stream in replay.streams}
     assert {f"/tactile/{name}/{what}" for name in NAMES for what in ("image", "contact")} <= set(rows)
     assert all(recorded and not differ for recorded, differ in rows.values())
-
-
-def test_every_finger_is_exported(recorded: Path, tmp_path: Path) -> None:
     export_file(recorded, tmp_path / "out")
     for name in NAMES:
         with (tmp_path / "out" / f"tactile.{name}.contact.csv").open(newline="") as file:
@@ -121,21 +119,17 @@ def test_a_name_that_no_topic_or_file_can_have_is_refused(name: str) -> None:
     ],
 )
 def test_a_finger_has_one_column(options: dict[str, Any], message: str) -> None:
-    settings = {
-        "tactile": {"palm": {"driver": "synthetic-touch"}},
-        "stages": {"mapping": {"options": options}},
-    }
+    touch, stages = {"palm": {"driver": "synthetic-touch"}}, {"mapping": {"options": options}}
     with pytest.raises(ConfigError, match=message):
-        check_tree(settings, {}, base=Path.cwd())
+        check_tree({"tactile": touch, "stages": stages}, {}, base=Path.cwd())
 
 
 def test_an_event_of_any_finger_of_a_column_pulses_there() -> None:
     columns = (("left_thumb", "right_thumb"), ("left_palm", "right_palm"))
     fingers = tuple(chain(*columns))
+    setup = VestSetup(find_layout("x40"), fingers, {}, None)
     for place, name in enumerate(fingers):
-        mapping = PulsesMapping(
-            VestSetup(find_layout("x40"), fingers, {}, None), PulsesOptions(fingers=columns)
-        )
+        mapping = PulsesMapping(setup, PulsesOptions(fingers=columns))
         contact = Contact(finger=name, t_ns=0, in_contact=True)
         levels = mapping.levels(0, {name: contact}, [Event(t_ns=0, finger=name, kind="contact")])
         assert levels.reshape(2, 5, 4).max(axis=(0, 1)).tolist() == [70 * (place // 2 == k) for k in range(4)]

@@ -37,7 +37,6 @@ def lab(tmp_path: Path) -> Iterator[EmulatedLab]:
 
 
 def settings(lab: EmulatedLab, folder: Path, **more: Any) -> SessionConfig:
-    """Return the lab's settings with an arm that a program leads."""
     arm = {name: value for name, value in lab.tree["arm"].items() if name != "tracker"} | more
     recording = {"dir": str(folder / "session"), "stop_free_mib": 0.0}
     return check_tree({**lab.tree, "arm": arm, "recording": recording}, {}, base=folder).config
@@ -87,18 +86,14 @@ def test_absolute_poses_are_reached_within_box_and_speed_and_lapse(lab: Emulated
     config = settings(lab, tmp_path, mapping={"frame": "base", "absolute": True})
     with session(config) as s:
         operator = Operator(s, lab)
-        near = operator.step() + np.array(
-            [0.0, 0.03, 0.0]
-        )  # taking hold does not take it for where the hand is
+        # Taking hold does not take it for where the hand is.
+        near = operator.step() + np.array([0.0, 0.03, 0.0])
         operator.until(lambda hand: np.linalg.norm(hand - near) < 0.005, near)
         place = near.copy()
-        while place[0] < 1.0:  # faster than it may go, and out of the box
-            place[0] += 0.02
+        for place[0] in np.arange(near[0] + 0.02, 1.02, 0.02):  # faster than it may go, and out of the box
             operator.step(place)
         operator.until(lambda hand: hand[0] > 0.69, place)
-        place[0] = 0.98
-        while place[0] > 0.66:  # on the way back nothing of the way outside is left
-            place[0] -= 0.02
+        for place[0] in np.arange(0.96, 0.65, -0.02):  # on the way back nothing of the way outside is left
             operator.step(place)
         operator.until(lambda hand: hand[0] < place[0] + 0.005, place)
         operator.until(lambda _: operator.words.startswith(("idle", "stopped")))

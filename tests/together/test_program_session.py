@@ -32,7 +32,6 @@ SECONDS = 1.5
 
 
 def outputs(folder: Path) -> dict[str, Any]:
-    """Return the settings of a vest and a hand that write what they are sent into files."""
     return {
         "vest": {"driver": "vest-recorder", "options": {"file": str(folder / "vest.csv")}},
         "hand": {"driver": "can-recorder", "options": {"file": str(folder / "can.csv")}},
@@ -40,7 +39,6 @@ def outputs(folder: Path) -> dict[str, Any]:
 
 
 def settings(folder: Path, *, recorded: bool = False, **more: Any) -> SessionConfig:
-    """Return small pictures and EMG from files, and outputs into files."""
     written = {
         "session": {"pace": "fast"},
         "tactile": {"thumb": finger(SECONDS, 0, (40, 32)), "ring": finger(1.0, 3, (40, 32))},
@@ -60,7 +58,6 @@ def rows(path: Path) -> list[dict[str, str]]:
 
 
 def silent(folder: Path) -> bool:
-    """Whether the last frame of the vest is of zeros, and the hand was let go at the end."""
     frames, sent = rows(folder / "vest.csv"), rows(folder / "can.csv")
     motors = [value for name, value in frames[-1].items() if name != "t_s"]
     torques = [(row["id"], set(row["data"])) for row in sent[-5:-1]]
@@ -103,10 +100,9 @@ def test_what_a_program_sends_is_recorded_and_verified(tmp_path: Path) -> None:
 
 
 def test_a_program_sends_without_any_sensor(tmp_path: Path) -> None:
-    calibration = tmp_path / "calibration.toml"
-    save_calibration(Calibration(preset="live", origin="none"), calibration)
+    save_calibration(Calibration(preset="live", origin="none"), tmp_path / "c.toml")
     written = outputs(tmp_path) | {"session": {"pace": "fast", "duration_s": 1.0}}
-    written["calibration"] = {"file": str(calibration)}
+    written["calibration"] = {"file": str(tmp_path / "c.toml")}
     written["vest"]["layout"] = "x16"
     with session(check_tree(written, {}, base=tmp_path).config) as s:
         for _ in s:
@@ -124,15 +120,14 @@ def test_a_program_sends_without_any_sensor(tmp_path: Path) -> None:
 def test_every_way_out_leaves_the_outputs_silent(tmp_path: Path, error: type[BaseException] | None) -> None:
     s = session(settings(tmp_path))
     with pytest.raises(error) if error else nullcontext(), s:
-        for k, _ in enumerate(s):
+        for _ in range(4):
+            next(s)
             s.vest.send(np.full(40, 60))
             s.hand.level(5)
-            if k == 3:
-                if error is KeyboardInterrupt:
-                    signal.raise_signal(signal.SIGINT)
-                if error:
-                    raise error
-                break
+        if error is KeyboardInterrupt:
+            signal.raise_signal(signal.SIGINT)
+        if error:
+            raise error
     assert silent(tmp_path)
     assert s.summary["ended"] == "stopped"
     assert not s._thread.is_alive()
@@ -151,12 +146,12 @@ def test_a_program_s_levels_reach_from_1_to_5_and_lapse() -> None:
 def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> None:
     with session(settings(tmp_path, recorded=True)) as s:
         next(s)
-        for level in (0.9, 5.1, float("nan"), float("inf")):
+        for level in (0.9, 5.1, np.nan, np.inf):
             with pytest.raises(InvalidValueError, match="1 to 5"):
                 s.hand.level(level)
-        for frame in (np.full(40, 101), np.full(40, -1), np.full(40, np.nan)):
+        for percent in (101, -1, np.nan):
             with pytest.raises(InvalidValueError, match="0 to 100"):
-                s.vest.send(frame)
+                s.vest.send(np.full(40, percent))
         with pytest.raises(ShapeError):
             s.vest.send(np.zeros(39))
         with pytest.raises(InvalidValueError, match="layout x16"):
@@ -169,9 +164,8 @@ def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> No
 
 
 def test_a_session_without_vest_or_hand_says_so(tmp_path: Path) -> None:
-    with session(
-        settings(tmp_path, vest={"driver": None, "options": {}}, hand={"driver": None, "options": {}})
-    ) as s:
+    none: dict[str, Any] = {"driver": None, "options": {}}
+    with session(settings(tmp_path, vest=none, hand=none)) as s:
         with pytest.raises(DeviceUnavailableError, match="no vest"):
             s.vest.send(np.zeros(40))
         with pytest.raises(DeviceUnavailableError, match="no hand"):
@@ -180,11 +174,8 @@ def test_a_session_without_vest_or_hand_says_so(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_device_that_cannot_be_opened_is_the_error_of_the_with_statement(tmp_path: Path) -> None:
-    config = settings(
-        tmp_path,
-        session={"pace": "real"},
-        emg={"driver": "serial-emg", "kind": "raw", "options": {"port": "/dev/no-port", "rate_hz": 1000.0}},
-    )
+    emg = {"driver": "serial-emg", "kind": "raw", "options": {"port": "/dev/no-port", "rate_hz": 1000.0}}
+    config = settings(tmp_path, session={"pace": "real"}, emg=emg)
     with pytest.raises(TegaError), session(config):
         pytest.fail("the block was entered")
 

@@ -49,22 +49,15 @@ def test_a_tega_that_is_not_of_the_checkout_is_named_and_refused(tmp_path: Path)
 # Field numbers.
 
 
-def _table() -> Table:
-    found: Table = json.loads(FILE.read_text(encoding="utf-8"))
-    return found
-
-
 def test_a_record_has_the_field_numbers_that_its_files_have() -> None:
-    table, messages = _table(), own_messages()
+    table: Table = json.loads(FILE.read_text(encoding="utf-8"))
+    messages = own_messages()
     assert problems(table, messages) == []
     for name, kind in messages.items():
-        assert str(getattr(kind, "version", 1)) in table[name], (
-            "run python -m reference.record_fields --update"
-        )
+        assert str(getattr(kind, "version", 1)) in table[name], "python -m reference.record_fields --update"
 
 
 def made(version_: int, annotations: Mapping[str, type], **defaults: float) -> Any:
-    """Return a record type of a version with these fields."""
     members = {"__annotations__": {"version": ClassVar[int], "t_ns": int, **annotations}, "version": version_}
     struct: Any = type(Record)
     return struct("Made", (Record,), members | defaults, frozen=True, kw_only=True)

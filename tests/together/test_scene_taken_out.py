@@ -45,7 +45,6 @@ def teleop(python: Path, tmp_path: Path) -> Teleop:
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording made with a scene camera, where the package is installed."""
     folder = tmp_path_factory.mktemp("filmed")
     film = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 20, (96, 64))
     for number in range(20):

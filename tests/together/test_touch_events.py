@@ -33,7 +33,6 @@ TREE: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[Event], list[LoopView]]:
-    """Run with columns, which want no events, a recording, tables, a subscriber and a display."""
     folder = tmp_path_factory.mktemp("events")
     tree = TREE | {
         "session": TREE["session"] | {"out_dir": str(folder / "out")},
@@ -82,16 +81,14 @@ def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> No
 
 
 def test_events_are_looked_for_only_where_somebody_wants_them() -> None:
-    firm = Contact(
-        finger="index",
-        t_ns=0,
-        mass=6e4,
-        centroid_xy=(120.0, 100.0),
-        eda=3000,
-        cci=0.5,
-        peak=30.0,
-        in_contact=True,
-    )
+    shape: dict[str, Any] = {
+        "mass": 6e4,
+        "centroid_xy": (120.0, 100.0),
+        "eda": 3000,
+        "cci": 0.5,
+        "peak": 30.0,
+    }
+    firm = Contact(finger="index", t_ns=0, in_contact=True, **shape)
     loop = TouchLoop({"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}, layout="x40")
     loop.update("index", firm)
     assert len(loop.found) == 0

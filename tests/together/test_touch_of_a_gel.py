@@ -25,8 +25,11 @@ from tega.tactile.tracker import DEPTH_LAW
 from tega_sim.gel import PX_PER_MM, Gel, ball, board
 
 
+def untouched(gel: Gel) -> Any:
+    return np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+
+
 def _pressed_with(gel: Gel, indenter: Any, metric: LiveMetric, first: int) -> list[Any]:
-    """Return what a metric says of a press of a second and of the rest after it."""
     return [
         metric.update(gel.frame([indenter] if k < 60 else [], first + k), (first + k) * PERIOD_NS)
         for k in range(180)
@@ -39,7 +42,7 @@ def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> N
     off: list[float] = []
     for seed in (11, 12, 13):
         gel = Gel(seed, memory=True)
-        baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
+        baseline = untouched(gel)
         plain = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
         known = ball(force_n=ball_of.force_n, radius_mm=ball_of.diameter_mm / 2)
         presses = [_pressed_with(gel, known, plain, 30 + 180 * n) for n in range(3)]
@@ -65,14 +68,9 @@ def test_presses_with_a_known_ball_make_depth_and_force_those_of_this_gel() -> N
 
 
 def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
-    full = TouchMaxima(
-        cci_max=1.0,
-        eda_max=9000.0,
-        noise_counts=(1.5, 0.8, 1.25),
-        depth_gain=1.25,
-        stiffness_n_mm3=0.4,
-        mm_per_px=0.05,
-    )
+    of_the_gel: dict[str, Any] = {"noise_counts": (1.5, 0.8, 1.25), "depth_gain": 1.25}
+    of_the_gel |= {"stiffness_n_mm3": 0.4, "mm_per_px": 0.05}
+    full = TouchMaxima(cci_max=1.0, eda_max=9000.0, **of_the_gel)
     calibration = Calibration(preset="live", origin="presses", tactile={"thumb": full})
     text = calibration_text(calibration)
     assert parse_calibration(text, "calibration.toml") == calibration
@@ -124,42 +122,26 @@ def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_th
 
 def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     gel = Gel(7, memory=True)
-    baseline = np.rint(np.mean([gel.frame([], k) for k in range(30)], axis=0)).astype(np.uint8)
-    metric = LiveMetric(FingerSetup("thumb", baseline), LiveOptions())
+    metric = LiveMetric(FingerSetup("thumb", untouched(gel)), LiveOptions())
     marble, lid = ball(force_n=6.0, radius_mm=4.0), board(force_n=6.0)
-    presses = {}
-    for number, (name, indenter) in enumerate((("round", marble), ("flat", lid))):
-        contacts = _pressed_with(gel, indenter, metric, 30 + 180 * number)
-        presses[name] = contacts
-    both = guided_maxima(presses["round"] + presses["flat"])
-    single = {name: touch_maxima(frames) for name, frames in presses.items()}
-    wide, narrow = single["flat"], single["round"]
+    presses = [_pressed_with(gel, one, metric, 30 + 180 * k) for k, one in enumerate((marble, lid))]
+    both = guided_maxima(presses[0] + presses[1])
+    narrow, wide = map(touch_maxima, presses)
     assert wide.eda_max and narrow.eda_max and narrow.cci_max and both.cci_max and both.eda_max  # noqa: PT018
     assert wide.eda_max > 1.3 * narrow.eda_max
     assert both.cci_max == pytest.approx(narrow.cci_max, rel=0.02)
     assert both.eda_max == pytest.approx(1.3 * wide.eda_max, rel=0.02)
     # Held with either object, as firmly as can be, no column is full.
-    felt = [
-        (m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses.values() for m in frames[20:55]
-    ]
-    full_share = np.mean([intensity(max(shares), 1.0) > 99.5 for shares in felt])
-    assert full_share == 0.0
+    felt = [(m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses for m in frames[20:55]]
+    assert not any(intensity(max(shares), 1.0) > 99.5 for shares in felt)
 
 
 def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:
     gel = Gel(5)
     baseline = gel.still()
-    config = load_config(
-        None,
-        environ={},
-        sets=[
-            "stages.metric.name=live",
-            "stages.metric.options.trend=rise",
-            "stages.mapping.name=columns",
-            "stages.mapping.options.front=trend_mm_s",
-            "stages.mapping.options.front_max=1.0",
-        ],
-    ).config
+    sets = ["metric.name=live", "metric.options.trend=rise", "mapping.name=columns"]
+    sets += ["mapping.options.front=trend_mm_s", "mapping.options.front_max=1.0"]
+    config = load_config(None, environ={}, sets=[f"stages.{item}" for item in sets]).config
     metric = finger_metric(config.stages, "live", "index", baseline)
     setup = VestSetup(find_layout("paper32"), ("index",), {"index": {"eda": 20_000.0}})
     mapping = vest_mapping(config.stages, "live")(setup)

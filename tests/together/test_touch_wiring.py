@@ -25,7 +25,7 @@ from tega.loop.inbox.inputs import Finger, Prepared
 from tega.loop.inbox.sources import SourceReport
 from tega.loop.open_streams import StreamMaker
 from tega.loop.pacing import Pacer
-from tega.loop.touching import RecordedFingers, Touching
+from tega.loop.touching import RecordedFingers
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Contact, Picture
@@ -38,7 +38,6 @@ from tega_study.touch_picture import recorded_picture
 
 
 def measured(flags: list[bool]) -> list[Any]:
-    """Return what a metric says of the finger that is let go, told these flags."""
     frames, baseline = gel_frames(3, held=False)
     metric = LiveMetric(FingerSetup("ring", baseline), LiveOptions())
     found = []
@@ -48,21 +47,17 @@ def measured(flags: list[bool]) -> list[Any]:
     return found
 
 
-def stream_of(
-    stack: ExitStack,
-    name: str,
-    finger: Finger,
-    metric: LiveMetric,
-    bus: Bus,
-    *,
-    touching: Touching | None = None,
-    recorded: RecordedFingers | None = None,
-    start_ns: int = STARTED_NS,
-) -> Any:
-    """Return the stream of a finger's contacts as a run makes it."""
-    maker = StreamMaker(stack, bus, start_ns=start_ns, trace=None, bell=None)
-    maker.touching, maker.recorded = touching or maker.touching, recorded or maker.recorded
-    return maker.contacts(name, finger, metric, fed=False)
+def streams_on(stack: ExitStack, bus: Bus, start_ns: int = STARTED_NS) -> StreamMaker:
+    return StreamMaker(stack, bus, start_ns=start_ns, trace=None, bell=None)
+
+
+def live_thumb(frames: list[Any], kind: type[LiveMetric], streams: StreamMaker) -> None:
+    camera: Any = ScriptedCamera(frames)
+    finger = Finger(camera, frames[0].image, "given", SourceReport())
+    metric = kind(FingerSetup("thumb", frames[0].image), LiveOptions())
+    contacts = streams.contacts("thumb", finger, metric, fed=False)
+    while not contacts.ended:
+        contacts.next_until(10**12)
 
 
 def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
@@ -75,26 +70,21 @@ def test_no_rest_is_taken_anew_while_another_finger_is_loaded() -> None:
 
 
 def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
-    frames = [live_frame(k) for k in range(8)]
-    camera: Any = ScriptedCamera(frames)
-    finger = Finger(camera, frames[0].image, "given", SourceReport())
-    reported: list[Picture] = []
-    given: list[bool] = []
-    bus, touched = Bus(), Touching()
+    reported, given = list[Picture](), list[bool]()
+    bus = Bus()
     bus.subscribe(Picture, reported.append, vital=True)
 
     class Listening(LiveMetric):
         def update(self, frame: Any, t_ns: int) -> Any:
             given.append(self.loaded)
             if len(given) == 4:
-                touched.note("ring", t_ns, bears_load=True)
+                streams.touching.note("ring", t_ns, bears_load=True)
             return super().update(frame, t_ns)
 
     with ExitStack() as stack:
-        metric = Listening(FingerSetup("thumb", frames[0].image), LiveOptions())
-        contacts = stream_of(stack, "thumb", finger, metric, bus, touching=touched)
-        while not contacts.ended:
-            contacts.next_until(10**12)
+        streams = streams_on(stack, bus)
+        live_thumb([live_frame(k) for k in range(8)], Listening, streams)
+    touched = streams.touching
     assert [picture.loaded for picture in reported] == given
     # The fourth frame's metric heard of the ring; what is older than 100 ms says nothing.
     assert given == [False] * 4 + [True] * 4
@@ -106,8 +96,6 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
 
 
 class _Sensor:
-    """A gel's frames at 60 a second, of a live sensor or of a recording."""
-
     def __init__(self, frames: list[Any], *, live: bool) -> None:
         self._frames, self._next, self._began_ns = frames, 0, 0
         self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=live, rate_hz=60.0)
@@ -128,7 +116,6 @@ class _Sensor:
 
 
 def two_fingers(*, live: bool) -> dict[str, Finger]:
-    """Return a thumb that holds on and a ring finger that is let go."""
     fingers = {}
     for name, seed in (("thumb", 1), ("ring", 3)):
         frames, baseline = gel_frames(seed, held=name == "thumb")
@@ -163,11 +150,14 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
     # In a run, whichever finger is asked for first.
     bus, told_in_run = Bus(), list[Picture]()
     bus.subscribe(Picture, told_in_run.append, vital=True)
-    with ExitStack() as stack, closing(RecordedFingers()) as recorded:
-        streams = {}
-        for name, finger in two_fingers(live=False).items():
-            metric = LiveMetric(FingerSetup(name, finger.baseline), LiveOptions())
-            streams[name] = stream_of(stack, name, finger, metric, bus, recorded=recorded, start_ns=0)
+    with ExitStack() as stack:
+        maker = streams_on(stack, bus, 0)
+        streams = {
+            name: maker.contacts(
+                name, finger, LiveMetric(FingerSetup(name, finger.baseline), LiveOptions()), fed=False
+            )
+            for name, finger in two_fingers(live=False).items()
+        }
         for name in ("ring", "thumb"):
             again = []
             while (contact := streams[name].next_until(10**12)) is not None:
@@ -212,7 +202,6 @@ def test_maps_are_those_of_the_picture_and_asking_for_them_changes_nothing() -> 
     stop = threading.Event()
 
     def paint() -> None:
-        """Ask from another thread, as a page might."""
         while not stop.is_set():
             drawn.touch_map()
 
@@ -231,7 +220,6 @@ def test_maps_are_those_of_the_picture_and_asking_for_them_changes_nothing() -> 
 
 
 def test_nothing_is_drawn_where_nobody_looks() -> None:
-    frames = [live_frame(k) for k in range(3)]
     requested = []
 
     class Asked(LiveMetric):
@@ -240,41 +228,35 @@ def test_nothing_is_drawn_where_nobody_looks() -> None:
             return super().touch_map()
 
     for watched in (False, True):
-        camera: Any = ScriptedCamera(frames)
         bus = Bus()
         if watched:
             bus.subscribe(MeasuredPicture, lambda picture: picture.metric.touch_map(), vital=True)
         with ExitStack() as stack:
-            finger = Finger(camera, frames[0].image, "given", SourceReport())
-            metric = Asked(FingerSetup("thumb", frames[0].image), LiveOptions())
-            contacts = stream_of(stack, "thumb", finger, metric, bus)
-            while not contacts.ended:
-                contacts.next_until(10**12)
+            live_thumb([live_frame(k) for k in range(3)], Asked, streams_on(stack, bus))
         # In the thread that measures: the loop's deadlines do not pay.
         assert requested == (["tega-thumb"] * 3 if watched else [])
 
 
-def _felt(cci: float, eda: float, *, finger: str = "thumb", in_contact: bool = True) -> Contact:
-    return Contact(finger=finger, t_ns=0, in_contact=in_contact, cci_norm=cci, eda_norm=eda)
-
-
 def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
     labels, rng = ContactLabels(), np.random.default_rng(1)
+
+    def felt_as(cci: float, eda: float, finger: str = "thumb", *, in_contact: bool = True) -> str:
+        contact = Contact(finger=finger, t_ns=0, in_contact=in_contact, cci_norm=cci, eda_norm=eda)
+        return labels.name(contact)
+
     names, plain = [], []
     for k in range(2000):
         noise = rng.normal(0, 0.01, 2)
-        felt = _felt(0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000))
-        names.append(labels.name(felt))
-        plain.append(contact_type(felt.cci_norm, felt.eda_norm))
+        shares = 0.5 + noise[0], 0.5 + noise[1] + 0.3 * (k >= 1000)
+        names.append(felt_as(*shares))
+        plain.append(contact_type(*shares))
     flips = [sum(a != b for a, b in pairwise(sentence)) for sentence in (names, plain)]
     assert flips[1] > 500
     assert flips[0] <= 1
     # What changes clearly is told at once, and a contact that ends forgets.
-    assert labels.name(_felt(0.2, 0.9)) == "broad"
-    assert labels.name(_felt(0.52, 0.9)) == "broad"
-    assert labels.name(_felt(0.2, 0.9, in_contact=False)) == "none"
-    assert labels.name(_felt(0.52, 0.48)) == "focal"
-    assert labels.name(_felt(0.52, 0.0, finger="index")) == "none"
+    assert [felt_as(0.2, 0.9), felt_as(0.52, 0.9)] == ["broad", "broad"]
+    assert felt_as(0.2, 0.9, in_contact=False) == "none"
+    assert [felt_as(0.52, 0.48), felt_as(0.52, 0.0, "index")] == ["focal", "none"]
 
 
 @pytest.mark.parametrize(("kind", "off"), [("lossless", 0.0), ("recording", 0.1)])

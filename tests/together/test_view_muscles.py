@@ -156,6 +156,7 @@ def test_a_run_shows_that_it_holds_for_want_of_confidence(lab: Path) -> None:
     assert any(one.rows.get("decoder", "").endswith(" % sure, 100 % are needed") for one in moments)
 
 
+@pytest.mark.raises("muscles")
 def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_path: Path) -> None:
     """Simulated: the muscle under the first electrode is under the second one after ten seconds."""
     rng = np.random.default_rng(5)

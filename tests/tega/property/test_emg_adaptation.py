@@ -24,11 +24,11 @@ from tega.stages.decoders import RulesDecoder, RulesOptions
 Samples = NDArray[np.float64]
 RATE_HZ, TAU, FULL = 200.0, 20, 40.0
 ON = AdaptationSection(on=True)
+STRONG = AdaptationSection(on=True, gain_percent_per_min=50, offset_percent_per_min=10)
 
 
-def maxima(kind: InputKind = "raw", channels: int = 2) -> EmgMaxima:
-    names = tuple(f"ch{k + 1}" for k in range(channels))
-    return EmgMaxima(kind=kind, rate_hz=RATE_HZ, tau=TAU, channels=names, maxima=(FULL,) * channels)
+def maxima(kind: InputKind = "raw") -> EmgMaxima:
+    return EmgMaxima(kind=kind, rate_hz=RATE_HZ, tau=TAU, channels=("ch1", "ch2"), maxima=(FULL, FULL))
 
 
 def effort(shares: list[float], seconds: float, *, kind: InputKind, seed: int) -> Samples:
@@ -40,17 +40,17 @@ def effort(shares: list[float], seconds: float, *, kind: InputKind, seed: int) -
     return samples + 3.0 if kind == "raw" else np.abs(samples)
 
 
-class Run:
-    """A decoder of a preset behind an adaptation, with everything that it told."""
+def meter(given: EmgMaxima, adaptation: ChannelAdaptation | None = None) -> BlockMeter:
+    decoder = RulesDecoder(muscle_setup(given, "paper"), RulesOptions())
+    return BlockMeter(decoder, SourceReport(), maxima=given, live=False, adaptation=adaptation)
 
+
+class Run:
     def __init__(self, switches: Any, kind: InputKind = "raw", how: AdaptationSection = ON) -> None:
         self.reported: list[Adaptation | AdaptationSwitch] = []
-        given_maxima = maxima(kind)
-        self.adaptation = ChannelAdaptation(given_maxima, how, switches=switches, notify=self.reported.append)
-        decoder = RulesDecoder(muscle_setup(given_maxima, "paper"), RulesOptions())
-        self.meter = BlockMeter(
-            decoder, SourceReport(), maxima=given_maxima, live=False, adaptation=self.adaptation
-        )
+        given = maxima(kind)
+        self.adaptation = ChannelAdaptation(given, how, switches=switches, notify=self.reported.append)
+        self.meter = meter(given, self.adaptation)
         self.blocks: list[Intent] = []
 
     def take(self, samples: Samples, cuts: list[int] | tuple[int, ...] = ()) -> Run:
@@ -68,7 +68,6 @@ class Run:
 
 @st.composite
 def courses(draw: st.DrawFn) -> list[tuple[int, Switches]]:
-    """Draw switches that change now and then, by the sample from which they are so."""
     found, n_undone = [(0, Switches(True, draw(st.sampled_from([None, 0.5]))))], 0
     for at in sorted(draw(st.lists(st.integers(0, 8000), max_size=3))):
         n_undone += draw(st.integers(0, 2)) == 0
@@ -158,13 +157,12 @@ def test_sixty_seconds_later_there_is_room_again() -> None:
 
 @pytest.mark.parametrize("kind", ["raw", "rectified"])
 def test_a_rest_that_rises_and_an_effort_that_weakens_are_followed(kind: InputKind) -> None:
-    strong = AdaptationSection(on=True, gain_percent_per_min=50, offset_percent_per_min=10)
     rests = effort([0.05, 0.05, 0.1, 0.1, 0.1, 0.1], 10.0, kind=kind, seed=2)
-    run = Run(lambda _n: Switches(allowed=True, target=0.0), kind, strong).take(rests)
+    run = Run(lambda _n: Switches(allowed=True, target=0.0), kind, STRONG).take(rests)
     assert {change.why for change in run.changes} == {"rest"}
     assert 0.02 * FULL < run.adaptation.offsets[0] < 0.08 * FULL
     efforts = effort([0.6, 0.6, 0.5, 0.5, 0.5, 0.5], 10.0, kind=kind, seed=3)
-    run = Run(lambda _n: Switches(allowed=True, target=0.5), kind, strong).take(efforts)
+    run = Run(lambda _n: Switches(allowed=True, target=0.5), kind, STRONG).take(efforts)
     assert {change.why for change in run.changes} == {"target"}
     assert run.adaptation.gains == pytest.approx([1.2, 1.2], rel=0.06)
 
@@ -174,9 +172,8 @@ def test_a_rest_that_rises_and_an_effort_that_weakens_are_followed(kind: InputKi
 def test_a_target_is_believed_where_the_decoder_s_level_is_its_closure(
     share: float, seen: float, target: float
 ) -> None:
-    strong = AdaptationSection(on=True, gain_percent_per_min=50)
     efforts = effort([share] * 4, 10.0, kind="raw", seed=3)
-    run = Run(lambda _n: Switches(allowed=True, target=target), "raw", strong).take(efforts)
+    run = Run(lambda _n: Switches(allowed=True, target=target), "raw", STRONG).take(efforts)
     assert bool(run.changes) == (target == seen)
 
 
@@ -190,9 +187,8 @@ def test_a_target_that_the_decoder_does_not_see_is_not_believed() -> None:
 
 def test_off_nothing_is_made_and_the_default_is_off() -> None:
     assert AdaptationSection().on is False
-    run = Run(lambda _n: Switches(), "raw").take(effort([0.02, 0.1, 0.9], 10.0, kind="raw", seed=4))
-    assert run.reported == []
-    plain = RulesDecoder(muscle_setup(maxima(), "paper"), RulesOptions())
-    meter = BlockMeter(plain, SourceReport(), maxima=maxima(), live=False)
     samples = effort([0.02, 0.1, 0.9], 10.0, kind="raw", seed=4)
-    assert meter.take(EmgChunk(round(len(samples) * 1e9 / RATE_HZ), 0, samples)) == run.blocks
+    run = Run(lambda _n: Switches(), "raw").take(samples)
+    assert run.reported == []
+    chunk = EmgChunk(round(len(samples) * 1e9 / RATE_HZ), 0, samples)
+    assert meter(maxima()).take(chunk) == run.blocks

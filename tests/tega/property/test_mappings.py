@@ -15,7 +15,7 @@ from tega.errors import ConfigError
 from tega.haptics import FINGERS, FeltMap
 from tega.haptics.motor_layout import SHIPPED, Motor, MotorLayout
 from tega.records import Contact, Event
-from tega.stages import Mapping, VestSetup
+from tega.stages import VestSetup
 from tega.stages.changes import ChangesMapping, ChangesOptions
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
@@ -24,12 +24,7 @@ from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
 
 STEP_NS = 33_333_333
 MAXIMA = {finger: {"cci": 0.1, "eda": 8000.0} for finger in FINGERS}
-KINDS: list[tuple[type[Mapping], type[ColumnsOptions]]] = [
-    (SlipRowMapping, SlipRowOptions),
-    (EqualStepsMapping, EqualStepsOptions),
-    (ChangesMapping, ChangesOptions),
-    (PlaceMapping, PlaceOptions),
-]
+KINDS = [SlipRowMapping, EqualStepsMapping, ChangesMapping, PlaceMapping]
 
 shares = st.floats(0, 1.5).map(lambda x: round(x, 6))
 layouts = st.sampled_from(sorted(SHIPPED))
@@ -40,7 +35,6 @@ scripts = st.lists(st.tuples(touches, slips), min_size=1, max_size=5)
 
 
 def contact(finger: str, t_ns: int, cci: float, eda: float, at: tuple[float, float] = (160, 120)) -> Contact:
-    """Return a contact of so much of the maxima."""
     on = eda > 0
     return Contact(
         finger=finger,
@@ -60,7 +54,6 @@ def setup(
 
 
 def run(mapping: Any, script: Any) -> list[np.ndarray[Any, Any]]:
-    """Show a script of touches and slips at a vest's refreshes."""
     displayed = []
     for n, (touched, slipped) in enumerate(script):
         t_ns = n * STEP_NS
@@ -72,19 +65,17 @@ def run(mapping: Any, script: Any) -> list[np.ndarray[Any, Any]]:
 
 def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarray[Any, Any]:
     """Return what is shown after `n` refreshes of one evenly touching index finger."""
-    displayed = np.zeros(0)
-    for k in range(n):
-        t_ns = since_ns + k * STEP_NS
-        displayed = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
+    for t_ns in range(since_ns, since_ns + n * STEP_NS, STEP_NS):
+        displayed: np.ndarray = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
     return displayed
 
 
-@pytest.mark.parametrize(("kind", "options"), KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 @given(script=scripts, layout=layouts)
 def test_levels_are_percents_the_same_again_and_silent_without_contact(
-    kind: Any, options: Any, script: Any, layout: str
+    kind: Any, script: Any, layout: str
 ) -> None:
-    mapping, other = kind(setup(layout), options()), kind(setup(layout), options())
+    mapping, other = (kind(setup(layout), kind.options_type()) for _ in range(2))
     displayed = np.array(run(mapping, script))
     assert displayed.shape == (len(script), len(SHIPPED[layout].motors))
     assert ((displayed >= 0) & (displayed <= 100)).all()
@@ -138,13 +129,10 @@ def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(
     assert above[-1] == pytest.approx(first + high * (mapping.n_steps - first), abs=1e-6)
 
 
-@pytest.mark.parametrize(("kind", "options"), KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 @given(low=st.floats(0, 1), high=st.floats(0, 1), n=st.sampled_from([1, 15]))
-def test_a_firmer_even_touch_is_never_weaker(
-    kind: Any, options: Any, low: float, high: float, n: int
-) -> None:
-    low, high = sorted((low, high))
-    weak, strong = (hold(kind(setup(), options()), share, n) for share in (low, high))
+def test_a_firmer_even_touch_is_never_weaker(kind: Any, low: float, high: float, n: int) -> None:
+    weak, strong = (hold(kind(setup(), kind.options_type()), share, n) for share in sorted((low, high)))
     assert (strong >= weak - 1e-9).all()
 
 
@@ -177,8 +165,7 @@ def test_what_is_shown_after_a_change_does_not_depend_on_how_often_it_is_refresh
 
 
 def test_a_steady_touch_is_reminded_of_on_schedule() -> None:
-    options = ChangesOptions(remind_every_s=4)
-    mapping = ChangesMapping(setup(), options)
+    mapping = ChangesMapping(setup(), ChangesOptions(remind_every_s=4))
     on = [hold(mapping, 1, 1, n * STEP_NS).any() for n in range(12 * 30)]
     assert on[0]
     assert np.mean(on) == pytest.approx(0.25, abs=0.01)
@@ -186,12 +173,10 @@ def test_a_steady_touch_is_reminded_of_on_schedule() -> None:
 
 @given(finger=st.sampled_from(["", *FINGERS]), row=st.sampled_from(["top", "bottom"]), layout=layouts)
 def test_a_slip_lights_its_own_row_alone(finger: str, row: Any, layout: str) -> None:
-    mapping = SlipRowMapping(setup(layout), SlipRowOptions(slip_row=row))
-    plain = SlipRowMapping(setup(layout), SlipRowOptions(slip_row=row))
-    motors = SHIPPED[layout].motors
+    mapping, plain = (SlipRowMapping(setup(layout), SlipRowOptions(slip_row=row)) for _ in range(2))
     last = {"top": 0, "bottom": SHIPPED[layout].rows("front") - 1}[row]
-    spared = np.array([motor.row == last for motor in motors])
-    column = np.array([motor.column for motor in motors])
+    spared = np.array([motor.row == last for motor in SHIPPED[layout].motors])
+    column = np.array([motor.column for motor in SHIPPED[layout].motors])
     reported = []
     for n in range(60):
         t_ns = n * STEP_NS
@@ -236,21 +221,20 @@ def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> Non
     assert (displayed.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
 
 
-@pytest.mark.parametrize(("kind", "options"), [(ColumnsMapping, ColumnsOptions), *KINDS])
+@pytest.mark.parametrize("kind", [ColumnsMapping, *KINDS])
 @given(
     touched=st.dictionaries(st.sampled_from("abcdefgh"), st.tuples(shares, shares, places)),
     columns=st.permutations("abcdefgh").map(lambda order: tuple(map(tuple, (order[k::4] for k in range(4))))),
     layout=layouts,
 )
 def test_the_strongest_finger_of_a_column_is_shown(
-    kind: Any, options: Any, touched: Any, columns: Any, layout: str
+    kind: Any, touched: Any, columns: Any, layout: str
 ) -> None:
     maxima = dict.fromkeys("abcdefgh", MAXIMA["thumb"])
+    made = VestSetup(SHIPPED[layout], tuple(maxima), maxima, None), kind.options_type(fingers=columns)
 
-    def levels(contacts: dict[str, Contact]) -> np.ndarray[Any, Any]:
-        mapping = kind(VestSetup(SHIPPED[layout], tuple(maxima), maxima, None), options(fingers=columns))
-        shown: np.ndarray[Any, Any] = mapping.levels(0, contacts, ())
-        return shown
+    def levels(contacts: dict[str, Contact]) -> Any:
+        return kind(*made).levels(0, contacts, ())
 
     contacts = {finger: contact(finger, 0, *how) for finger, how in touched.items()}
     alone = [levels({finger: one}) for finger, one in contacts.items()]

@@ -22,41 +22,30 @@ BACK_LEVELS_PER_S = 5.0
 
 
 class Asked(Reflex):
-    """A reflex that wishes what it is told, whatever that is."""
-
-    def __init__(self) -> None:
-        self.now: float = 0.0
+    now: float = 0.0
 
     def wish(self, *_: Any) -> float:
         return self.now
 
 
 class Bench:
-    """An arc, tick by tick."""
-
     def __init__(self, reflex: Reflex, settings: ReflexSection) -> None:
         self.reported: list[ReflexGrip] = []
         self.snapshot = ReflexInputs(settings.authority, True, None)
         self.t_ns = 0
-        self.arc = ReflexArc(
-            reflex, settings, snapshot=lambda _t_ns: self.snapshot, notify=self.reported.append
-        )
-
-    def tick(self, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()) -> float:
-        self.t_ns += TICK_NS
-        for event in events:
-            self.arc.on_event(event)
-        added = self.arc.step(self.t_ns, own, lambda: contacts)
-        assert added == self.arc.added
-        return own + added
+        how: Any = {"snapshot": lambda _t_ns: self.snapshot, "notify": self.reported.append}
+        self.arc = ReflexArc(reflex, settings, **how)
 
     def ticks(
         self, n: int, own: float, contacts: Mapping[str, Contact], events: Sequence[Event] = ()
     ) -> float:
-        self.tick(own, contacts, events)
-        for _ in range(n - 1):
-            self.tick(own, contacts)
-        return own + self.arc.added
+        for event in events:
+            self.arc.on_event(event)
+        for _ in range(n):
+            self.t_ns += TICK_NS
+            added = self.arc.step(self.t_ns, own, lambda: contacts)
+            assert added == self.arc.added
+        return own + added
 
 
 def touch(*names: str, **values: float) -> dict[str, Contact]:
@@ -88,15 +77,13 @@ def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
     ticks: list[tuple[float, float, float, bool, bool]], most: float, rise: float, fall: float
 ) -> None:
     reflex = Asked()
-    bounds = ReflexSection(
-        name="x", most_levels=most, rise_levels_per_s=rise, fall_levels_per_s=fall, authority=1.0
-    )
-    bench, before, dt_s = Bench(reflex, bounds), 0.0, TICK_NS / 1e9
+    how = {"most_levels": most, "rise_levels_per_s": rise, "fall_levels_per_s": fall, "authority": 1.0}
+    bench, before, dt_s = Bench(reflex, ReflexSection(name="x", **how)), 0.0, TICK_NS / 1e9
     additions: list[float] = []
     for own, wish, authority, active, touching in ticks:
         reflex.now = wish
         bench.snapshot = ReflexInputs(authority, active, None)
-        reported = bench.tick(own, touch("index") if touching else {})
+        reported = bench.ticks(1, own, touch("index") if touching else {})
         added = bench.arc.added
         assert own <= reported <= 5
         assert reported == own + added
@@ -126,7 +113,7 @@ def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
     for own, wish, _, active, touching in ticks:
         reflex.now = wish
         bench.snapshot = ReflexInputs(0.0, active, None)
-        assert bench.tick(own, touch() if touching else {}) == own
+        assert bench.ticks(1, own, touch() if touching else {}) == own
         assert bench.arc.added == 0.0
     assert bench.reported == []
 
@@ -205,7 +192,7 @@ def test_in_a_hold_and_without_authority_what_was_added_is_taken_back_within_a_f
 def test_who_opens_the_hand_lets_go_at_once() -> None:
     bench = grip()
     assert bench.ticks(200, 3.0, touch("index", incipient=1.0)) == pytest.approx(3.5)
-    assert bench.tick(1.2, touch("index", incipient=1.0)) == 1.2
+    assert bench.ticks(1, 1.2, touch("index", incipient=1.0)) == 1.2
 
 
 def test_who_loosens_the_grip_is_not_held_against_it_by_the_slip_that_follows() -> None:
@@ -219,16 +206,11 @@ def test_who_loosens_the_grip_is_not_held_against_it_by_the_slip_that_follows() 
 
 
 def test_the_dial_is_set_by_settings_page_and_button() -> None:
-    dial = ReflexDial(0.5)
-    assert dial.authority == 0.5
-    dial.press()
-    assert dial.authority == 0.0
-    dial.press()
-    assert dial.authority == 0.5
-    dial.authority = 7.0
-    assert dial.authority == 1.0
-    dial.authority = math.nan
-    assert dial.authority == 1.0
-    dial.press()
-    dial.authority = 0.3
-    assert dial.authority == 0.3
+    dial, seen = ReflexDial(0.5), [0.5]
+    for wanted in (None, None, 7.0, math.nan, None, 0.3):
+        if wanted is None:
+            dial.press()
+        else:
+            dial.authority = wanted
+        seen.append(dial.authority)
+    assert seen == [0.5, 0.0, 0.5, 1.0, 1.0, 0.0, 0.3]
