@@ -60,7 +60,6 @@ def open_part(context):
 
 @pytest.fixture
 def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
-    """Return a function that installs a package with a feature, as an installer leaves it, for this test."""
     modules: list[str] = []
 
     def forget() -> None:

@@ -76,7 +76,6 @@ class Moments:
 
 
 def _enlarged(image: np.ndarray) -> np.ndarray:
-    """Return a picture, uint8 (60, 80, 3), turned and enlarged to the 320 x 240 of a DIGIT."""
     return image.swapaxes(0, 1).repeat(4, axis=0).repeat(4, axis=1)
 
 

@@ -118,11 +118,9 @@ def rewritten(
         for attachment in NonSeekingReader(io.BytesIO(data)).iter_attachments():
             content = (files or {}).get(attachment.name, attachment.data)
             writer.add_attachment(0, 0, attachment.name, attachment.media_type, content)
-        there = list(NonSeekingReader(io.BytesIO(data)).iter_metadata())
-        for table in there:
-            writer.add_metadata(table.name, {**table.metadata, **tables.get(table.name, {})})
-        for name in tables.keys() - {table.name for table in there}:
-            writer.add_metadata(name, dict(tables[name]))
+        there = reported(source)
+        for name in {**there, **tables}:
+            writer.add_metadata(name, {**there.get(name, {}), **tables.get(name, {})})
         ids: dict[int, int] = {}
         for schema, channel, message in NonSeekingReader(io.BytesIO(data)).iter_messages(
             log_time_order=False

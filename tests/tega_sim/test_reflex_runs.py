@@ -45,8 +45,6 @@ def slipping(share: float, t_ns: int = 0) -> Contact:
 
 
 class Ran:
-    """A run on recorded input: level 3 throughout, the thumb slips from 0.2 to 0.4 s."""
-
     def __init__(self, reflex: ReflexSection, *, presses: int = 0, page: float | None = None) -> None:
         sets = [f"stages.reflex.{name}={getattr(reflex, name)}" for name in reflex.__struct_fields__[2:]]
         named = [] if reflex.name is None else [f"stages.reflex.name={reflex.name}", *sets]

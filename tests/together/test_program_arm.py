@@ -51,7 +51,6 @@ class Operator:
         self.words = ""
 
     def step(self, place: Any = None, *, for_s: float = 0.5) -> Place:
-        """Send a pose, if one is given, and wait for the next moment; return where the arm's hand is."""
         for _ in range(600):
             if place is not None:
                 self.s.arm.pose(place, _NO_TURN, for_s=for_s)
@@ -71,7 +70,6 @@ class Operator:
             self._lab.cap.say(f"{how} {button}")
 
     def until(self, enough: Callable[[Place], object], place: Any = None) -> None:
-        """Go on until it is enough; counted, so that a machine that stands still for a while is no failure."""
         for _ in range(900):
             if enough(self.step(place)):
                 return

@@ -24,7 +24,7 @@ from tega.tactile import (
 )
 
 # Fields of a contact that have the tracker's value.
-_SAME = ("mass", "centroid_xy", "spread", "threshold", "eda", "cci", "peak", "in_contact")
+_SAME: tuple[str, ...] = ("mass", "centroid_xy", "spread", "threshold", "eda", "cci", "peak", "in_contact")
 _SAME += ("depth_mm", "force_n", "strength", "broad")
 # Between the frames of a DIGIT, seconds, where their times do not say it.
 _PERIOD_S = 1 / 60

@@ -118,9 +118,9 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
     if name not in plugins(where):
         refuse_removed(f"stages.{group} {name}")
     entry = find_plugin(where, group, name)
-    kind: Any = load_plugin(entry, group)
+    loaded = kind = load_plugin(entry, group)
     problem = ""
-    if not (isinstance(kind, type) and issubclass(kind, base)):
+    if not (isinstance(loaded, type) and issubclass(loaded, base)):
         problem = f" is registered as {entry.value!r}, which is no subclass of tega.stages.{base.__name__}"
     elif not (isinstance(kind.options_type, type) and issubclass(kind.options_type, StageOptions)):
         problem = ": options_type is no subclass of tega.stages.StageOptions"

@@ -17,7 +17,6 @@ HERE = Path(__file__).resolve().parent
 
 
 def main() -> int:
-    """Run every property of the extremes and write the table into the page that the command line names."""
     (page_file,) = map(Path, sys.argv[1:])
     # The same examples each time, so that the page changes only where a kernel does.
     os.environ["HYPOTHESIS_PROFILE"] = "ci"

@@ -185,6 +185,5 @@ def test_a_long_run_does_not_drift(rate: str, n_samples: int) -> None:
 
 
 def sums(rows: Samples) -> Samples:
-    """Return column sums by halves, whose rounding is far below the filter's."""
     by_halves: Samples = np.ascontiguousarray(rows.T).sum(axis=1)
     return by_halves

@@ -95,7 +95,8 @@ def test_the_forty_hold_the_layouts_motors_and_nothing_new(
 ) -> None:
     frame = vest_frame(front, back, layout=layout, mirror=mirror)
     x40 = frame.x40()
-    assert (x40.shape, x40.dtype) == ((40,), np.uint8)
+    assert x40.shape == (40,)
+    assert x40.dtype == np.uint8
     np.testing.assert_array_equal(x40[frame.motors], frame.intensities)
     if layout == "paper32":
         assert not x40[16:20].any()
@@ -208,7 +209,8 @@ def test_vest_intensities_of_several_moments(
     found = vest_intensities(front, back, layout=layout, mirror=mirror)
     frames = [vest_frame(front[i], back[i[-1]], layout=layout, mirror=mirror) for i in np.ndindex(shape)]
     n_motors = len(vest_frame([0] * 4, [0] * 4, layout=layout).motors)
-    assert (found.dtype, found.shape) == (np.uint8, (*shape, n_motors))
+    assert found.dtype == np.uint8
+    assert found.shape == (*shape, n_motors)
     assert found.reshape(-1, n_motors).tolist() == [frame.intensities.tolist() for frame in frames]
 
 

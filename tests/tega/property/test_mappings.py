@@ -64,7 +64,6 @@ def run(mapping: Any, script: Any) -> list[np.ndarray[Any, Any]]:
 
 
 def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarray[Any, Any]:
-    """Return what is shown after `n` refreshes of one evenly touching index finger."""
     for t_ns in range(since_ns, since_ns + n * STEP_NS, STEP_NS):
         displayed: np.ndarray = mapping.levels(t_ns, {"index": contact("index", t_ns, share, share)}, ())
     return displayed

@@ -155,7 +155,6 @@ EXTREMES = {name: Extreme("contact", name, 1e-15, "relative, worst number") for 
 
 
 def error(got: ContactMetrics, exact: ExactContact) -> float:
-    """Return the largest relative error; infinite where something is wrong that has to be exact."""
     if (got.in_contact, got.eda, got.peak_xy) != (exact.in_contact, exact.eda, exact.peak_xy):
         return float("inf")
     errors = [relative(got.mass, exact.mass), relative(got.peak, exact.peak)]

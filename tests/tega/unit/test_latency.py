@@ -192,7 +192,6 @@ class Bench:
         return np.full(16, np.nan) if angles is None else angles
 
     def run(self, seconds: float, level: Callable[[int], float], *, imposed: bool = False) -> list[Any]:
-        """Go on, and return where the joints really were, each millisecond."""
         truth = []
         for _ in range(round(seconds * 1000)):
             self.clock.sleep_until(self.clock.now_ns() + MS)

@@ -23,7 +23,6 @@ BASELINE: Image = _LIT.astype(np.uint8)
 
 
 def picture(share: float = 1.0) -> Image:
-    """Return a picture with its own noise and a share of the light."""
     return np.clip(share * _LIT + _RANDOM.normal(0, 2, _LIT.shape), 0, 255).astype(np.uint8)
 
 
@@ -34,7 +33,6 @@ class Camera:
         self.n = 0
 
     def used(self, *images: Image) -> list[bool]:
-        """Show it pictures, 20 ms apart; return which of them were used."""
         frames = [TactileFrame(k * 20 * MS, k, image, "") for k, image in enumerate(images, self.n)]
         self.n += len(images)
         return [self.meter.take(frame) is not None for frame in frames]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -31,6 +32,7 @@ from tega.tactile import (
 from tega.tactile.tracker import GelLight, TouchTracker, TrackedContact, nominal_light
 
 FLAT = np.full((8, 10, 3), 100, np.uint8)
+imread: Any = cv2.imread
 
 
 @pytest.mark.parametrize("n_frames", [1, 4, 40])
@@ -108,8 +110,8 @@ def test_options_out_of_range_are_refused_by_name(options, words) -> None:
 
 def test_on_real_presses_the_print_says_whole_image_and_the_paper_preset_does_not(recordings: Path) -> None:
     folder = recordings / "digit" / "digit_ball_D20641"
-    baseline = cv2.imread(str(folder / "background.png"))
-    frames = [cv2.imread(str(folder / f"frame_{k}.png")) for k in range(31)]
+    baseline = imread(str(folder / "background.png"))
+    frames = [imread(str(folder / f"frame_{k}.png")) for k in range(31)]
     for frame in frames:
         for difference in ("absolute", "rectified"):
             assert contact_metrics(frame, baseline, difference=difference).eda == frame[..., 0].size
@@ -121,7 +123,6 @@ STILL = np.full((320, 240, 3), 120, np.uint8)
 
 
 def marked() -> np.ndarray:
-    """A gel with a dent that does not go: what a cut or a new camera position leaves."""
     frame = STILL.copy()
     frame[140:180, 100:140, 0] += 40
     frame[140:180, 100:140, 2] -= 40
@@ -207,7 +208,7 @@ def fitted_surface(image: NDArray[np.uint8], degree: int) -> NDArray[np.uint8]:
 @pytest.mark.parametrize(("outline", "overlap"), [("dent", 0.58), ("contact", 0.53)])
 def test_a_grasp_without_a_frame_at_rest(recordings, outline, overlap):
     folder = recordings / "digit" / "digit_grasp"
-    raw, drawn = (cv2.imread(str(folder / name)) for name in ("raw.png", "mask_256x320.png"))
+    raw, drawn = (imread(str(folder / name)) for name in ("raw.png", "mask_256x320.png"))
     drawn = cv2.resize(drawn.max(-1), raw.shape[1::-1], interpolation=cv2.INTER_NEAREST) > 127
     mask = contact_mask(raw, fitted_surface(raw, 4), reading="live", outline=outline)
     assert (mask & drawn).sum() / (mask | drawn).sum() == pytest.approx(overlap, abs=0.01)
@@ -215,7 +216,7 @@ def test_a_grasp_without_a_frame_at_rest(recordings, outline, overlap):
 
 def test_the_long_edge_of_a_calliper_is_outlined_and_the_faint_one_is_not(recordings):
     folder = recordings / "digit" / "digit_ball_D20641"
-    pressed, baseline = (cv2.imread(str(folder / name)) for name in ("caliper.png", "background.png"))
+    pressed, baseline = (imread(str(folder / name)) for name in ("caliper.png", "background.png"))
     mask = contact_mask(pressed, baseline, reading="live")
     n, _, stats, _ = cv2.connectedComponentsWithStats(mask.astype(np.uint8))
     # One level for the whole picture, and the lower edge's change is a third of the upper one's.
