@@ -6,7 +6,6 @@ import gzip
 import io
 import json
 import os
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -22,7 +21,7 @@ from reference.recordings import pressed, write_video
 from reference.videos import encode, numbered
 from tega.config import load_config
 from tega.config.calibration import Calibration, load_calibration, save_calibration
-from tega.config.calibration.folder import CalibrationFolder, Unfinished
+from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import TouchRecord, read_record
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
@@ -39,6 +38,7 @@ from tega.runtime.files.boris import read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.signals import read_signals
 from tega.runtime.opencv import read_image
+from tega.setup.calibration.sitting import Unfinished, unfinished
 
 Reader = tuple[str, Callable[[Path], bytes], Callable[[Path], object]]
 
@@ -137,13 +137,6 @@ def _note_trial(path: Path) -> None:
     SessionFolder(path.parent).note("trial-001.mcap", {"task": "lift"})
 
 
-def _read_unfinished(path: Path) -> None:
-    home = CalibrationFolder(path.parent / "kept")
-    home.person("p01").mkdir(parents=True, exist_ok=True)
-    shutil.copy(path, home.person("p01") / "unfinished.json")
-    home.unfinished("p01", NOW)
-
-
 _SAMPLES = np.arange(60.0).reshape(20, 3)
 _INDEX = (
     b'{"format": "tega-session", "version": 1, "trials": [{"file": "trial-001.mcap", "state": "complete"}]}'
@@ -192,7 +185,7 @@ READERS: dict[str, Reader] = {
     "unfinished calibration": (
         "unfinished.json",
         lambda _: msgspec.json.encode(Unfinished(started=NOW, devices={"emg": "tty"}, steps={"emg": "x"})),
-        _read_unfinished,
+        lambda p: unfinished(p, NOW),
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),

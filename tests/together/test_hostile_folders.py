@@ -11,7 +11,6 @@ from pathlib import Path
 
 import pytest
 
-from tega.config.calibration.folder import CalibrationFolder, Unfinished
 from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
 from tega.loop.worn_vest import KeptDose
 from tega.recording import mcap_reader
@@ -24,6 +23,7 @@ from tega.runtime.clock import SystemClock
 from tega.runtime.files.foreign_file import MIB
 from tega.runtime.files.whole_file import new_file, write_whole
 from tega.safety.motor_budget import MotorBudget
+from tega.setup.calibration.sitting import unfinished
 from tega_study.attempt_rows import read_hand, read_touch
 from tega_study.coupling import read_course
 from tega_study.episodes.journal import EPISODES, EpisodeJournal
@@ -186,10 +186,7 @@ def test_json_that_is_deep_or_no_text_is_an_error_of_its_file(odd: bytes, tmp_pa
     (tmp_path / "odd.json").write_bytes(odd)
     with pytest.raises(CalibrationError, match="the vibration dose"):
         KeptDose(tmp_path / "odd.json", MotorBudget())
-    home = CalibrationFolder(tmp_path / "calibrations")
-    home.keep_unfinished("p01", Unfinished(started=datetime.now(UTC)))
-    (home.person("p01") / "unfinished.json").write_bytes(odd)
-    assert home.unfinished("p01", datetime.now(UTC)) is None
+    assert unfinished(tmp_path / "odd.json", datetime.now(UTC)) is None
 
 
 def test_nothing_is_added_through_a_link_or_to_a_pipe(mine: Path, tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ from reference.scripted import touching
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
 from tega.config import LoadedConfig, SessionConfig, SettingValue, load_config
-from tega.config.calibration.folder import CalibrationFolder, Unfinished, device_name
+from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import TouchRecord, VestCalibration, read_record
 from tega.config.calibration.store import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
@@ -24,7 +24,7 @@ from tega.runtime.opencv import read_image
 from tega.setup.calibration.effort import judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.gel import judge_rest, suspect_contact
 from tega.setup.calibration.presses import PressMeter
-from tega.setup.calibration.sitting import Sitting, Times
+from tega.setup.calibration.sitting import Sitting, Times, Unfinished, unfinished
 from tega.setup.calibration.wizard import Calibrating, parts_of
 from tega.ui.cli.guide import LineGuide
 from tega.ui.cli.main import main
@@ -152,15 +152,23 @@ def test_a_person_s_code_cannot_leave_the_folder(tmp_path: Path) -> None:
     assert not device_name(info).startswith(".")
 
 
+def interrupted(folder: CalibrationFolder, steps: dict[str, object], **devices: str) -> Path:
+    """Write the journal of an interrupted calibration."""
+    begun = Unfinished(started=NOW, steps=steps, devices=devices)
+    path = folder.person("p01") / "unfinished.json"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(msgspec.json.encode(begun))
+    return path
+
+
 def test_an_interrupted_calibration_is_too_old_after_four_hours(tmp_path: Path) -> None:
-    folder = CalibrationFolder(tmp_path)
-    folder.keep_unfinished("p01", Unfinished(started=NOW, steps={"emg.rest": {"rest": [1.0]}}))
-    found = folder.unfinished("p01", NOW + timedelta(hours=3))
+    path = interrupted(CalibrationFolder(tmp_path), {"emg.rest": {"rest": [1.0]}})
+    found = unfinished(path, NOW + timedelta(hours=3))
     assert found is not None
     assert found.steps == {"emg.rest": {"rest": [1.0]}}
-    assert folder.unfinished("p01", NOW + timedelta(hours=5)) is None
-    (tmp_path / "people/p01/unfinished.json").write_text("{")
-    assert folder.unfinished("p01", NOW) is None
+    assert unfinished(path, NOW + timedelta(hours=5)) is None
+    path.write_text("{")
+    assert unfinished(path, NOW) is None
 
 
 def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -> None:
@@ -180,8 +188,7 @@ def test_a_person_s_thresholds_are_no_part_of_the_paper_preset(tmp_path: Path) -
 def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
     steps = {"tactile.thumb": "people/p01/touch-D1.toml", "tactile.thumb.baseline": {}, "emg.rest": {}}
-    devices = {"tactile.thumb": "D1", "emg": "ttyUSB0"}
-    folder.keep_unfinished("p01", Unfinished(started=NOW, devices=devices, steps=steps))
+    interrupted(folder, steps, **{"tactile.thumb": "D1", "emg": "ttyUSB0"})
     sets = ["tactile.thumb.driver=digit", "tactile.thumb.options.source=http://127.0.0.1:9/D2"]
     config = read(sets).config
     work = calibrating(folder, config)
@@ -196,7 +203,7 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
 @pytest.mark.parametrize("kept", ["forged", [], {"made": "low"}, {"file": 1}, None])
 def test_a_damaged_step_of_an_interrupted_calibration_is_told(tmp_path: Path, kept: object) -> None:
     folder, step = CalibrationFolder(tmp_path), "tactile.thumb.baseline"
-    folder.keep_unfinished("p01", Unfinished(started=NOW, steps={step: kept}))
+    interrupted(folder, {step: kept})
     config = read([]).config
     work = calibrating(folder, config)
     work.run([])

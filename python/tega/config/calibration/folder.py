@@ -16,16 +16,15 @@
         people/p01/fitts/                   results of Fitts tests, see tega_practice.kept
         people/p01/vest-skill/              scores of vest tests, see tega_practice.kept
         people/p01/vest-dose.json           the vest's dose of the last day, see tega.loop.worn_vest
-        people/p01/unfinished.json          a calibration that was interrupted
+        people/p01/unfinished.json          a calibration that was interrupted, see tega.setup.calibration.sitting
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Annotated, Any, Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -44,16 +43,13 @@ from tega.config.calibration.records import (
 )
 from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError, RecordingError
-from tega.runtime.files.foreign_file import parse_json, parse_toml, plain_name, read_foreign, read_words
+from tega.runtime.files.foreign_file import parse_toml, plain_name, read_words
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
 
 Part = Literal["touch", "emg", "vest", "arm"]
 
 OwnHand = Literal["left", "right"]
-
-RESUME_H = 4.0
-"""An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
 
 _FACTS = "person.toml"
 _STAMP = "%Y%m%d-%H%M%S"
@@ -81,17 +77,6 @@ class KeptGel(NamedTuple):
 
     record: GelRecord
     picture: Path
-
-
-class Unfinished(msgspec.Struct, kw_only=True):
-    """A calibration that is going on: the results of finished steps by name, and the device of each part.
-
-    Results of one device do not apply to another.
-    """
-
-    started: Annotated[datetime, msgspec.Meta(tz=True)]
-    devices: dict[str, str] = msgspec.field(default_factory=dict)
-    steps: dict[str, Any] = msgspec.field(default_factory=dict)
 
 
 class PersonFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -229,29 +214,6 @@ class CalibrationFolder:
         if theirs:
             return f"there is one of {', '.join(theirs)}"
         return ""
-
-    # What is not finished.
-
-    def unfinished(self, person: str, now: datetime) -> Unfinished | None:
-        """Return an interrupted calibration that can be gone on with."""
-        try:
-            found = parse_json(read_foreign(self._unfinished(person), most_mib=64), Unfinished)
-        except (OSError, RecordingError, msgspec.MsgspecError):
-            return None
-        return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
-
-    def keep_unfinished(self, person: str, unfinished: Unfinished) -> None:
-        """Store the finished steps."""
-        write_whole(
-            self._unfinished(person), msgspec.json.format(msgspec.json.encode(unfinished)) + b"\n", sync=True
-        )
-
-    def forget_unfinished(self, person: str) -> None:
-        """Delete the stored steps of an interrupted calibration."""
-        self._unfinished(person).unlink(missing_ok=True)
-
-    def _unfinished(self, person: str) -> Path:
-        return self.person(person) / "unfinished.json"
 
 
 def _readable(folder: Path, pattern: str, wanted: type[_Any]) -> Iterator[tuple[_Any, Path]]:

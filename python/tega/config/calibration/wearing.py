@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+
+import msgspec
 
 SITES: tuple[str, ...] = tuple(f"{side}{column}" for side in "fb" for column in (1, 2, 3, 4))
 """Columns: front and back, from the wearer's left."""
@@ -58,12 +59,12 @@ def middle_sites(levels: Mapping[str, int]) -> tuple[str, ...]:
     return tuple(chosen)
 
 
-class Wearing(NamedTuple):
-    """Places named right, places shown, and the problems, one sentence each."""
+class Wearing(msgspec.Struct, frozen=True, kw_only=True):
+    """Places named right and places shown; ``notes`` are the problems found, once kept those that stayed."""
 
     n_right: int
     n_asked: int
-    problems: tuple[str, ...]
+    notes: tuple[str, ...] = ()
 
 
 def judge_wearing(answers: Mapping[str, str]) -> Wearing:
@@ -94,6 +95,5 @@ def judge_wearing(answers: Mapping[str, str]) -> Wearing:
                 "back": 'set vest.mirror = "back"',
             }[mirrored[0]]
         problems.append(f"{' and '.join(mirrored)} felt mirrored: {subject}")
-    return Wearing(
-        sum(displayed == text for displayed, text in answers.items()), len(answers), tuple(problems)
-    )
+    n_right = sum(displayed == text for displayed, text in answers.items())
+    return Wearing(n_right=n_right, n_asked=len(answers), notes=tuple(problems))

@@ -182,15 +182,11 @@ class GelChange(NamedTuple):
 def compare_gels(
     now: NDArray[np.uint8], then: NDArray[np.uint8], *, noise_now: float, noise_then: float, when: str
 ) -> GelChange:
-    """Compare two baselines of one sensor, uint8 (H, W, 3) of one size, else ``CalibrationError``.
+    """Compare two baselines of one sensor, uint8 (H, W, 3) of one size.
 
     The noises are those of the noisiest colour, counts, the unit for judging spots and changes of light;
     ``noise_then`` is above 0. ``when`` names the earlier baseline in the sentences, such as ``2026-11-02``.
     """
-    if now.shape != then.shape:
-        raise CalibrationError(
-            f"baselines of {now.shape[1]}×{now.shape[0]} and {then.shape[1]}×{then.shape[0]} pixels cannot be compared"
-        )
     difference = now.astype(np.float64) - then
     shift = np.median(difference, axis=(0, 1))
     grey = _blurred((difference - shift).mean(axis=2))

@@ -1,15 +1,19 @@
-"""Light one motor of a vest at a time, so that its wearer can say where it is."""
+"""Light motors of a vest for a while: one, so that its wearer can say where it is, or those of a site."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 import numpy as np
 
+from tega.config.calibration.wearing import SITES, site_motors, site_place
 from tega.devices.base import VestSink
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
-from tega.runtime.clock import Clock
+from tega.runtime.clock import Clock, SystemClock
+from tega.setup.calibration.sitting import Times
+from tega.setup.calibration.staircase import LEVEL_PERCENT
 
 _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 
@@ -93,3 +97,49 @@ def show_frame(
     if not displayed:
         notes = "; ".join(vest.info.notes) or "its link was down"
         raise DeviceUnavailableError(f"the vest did not show {subject} all the time: {notes}")
+
+
+class Pulses:
+    """Vibrations at sites of a vest, never above a ceiling, 1 to 15."""
+
+    def __init__(self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times) -> None:
+        self._vest = vest
+        self.layout: Layout = layout
+        self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
+        self.ceiling = ceiling
+        self._times = times
+        self._clock = SystemClock()
+
+    def sites(self, *, each_motor: bool) -> tuple[str, ...]:
+        """Return the columns, or the motors, that this vest has."""
+        return tuple(f"m{m}" for m in self._silent.motors.tolist()) if each_motor else SITES
+
+    def one(self, site: str, level: int) -> None:
+        """Vibrate once; level 0 takes as long and does nothing."""
+        percent = LEVEL_PERCENT[min(level, self.ceiling)]
+        lit = np.isin(self._silent.motors, site_motors(site))
+        frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
+        show_frame(
+            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=site_place(site)
+        )
+
+    def pair(self, site: str, first: int, second: int) -> None:
+        """Vibrate twice, with a gap."""
+        self.one(site, first)
+        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
+        self.one(site, second)
+
+    def all(self, frame: MotorLevels, subject: str) -> None:
+        """Show a frame as long as a vibration, nothing of it above the ceiling."""
+        limited = np.minimum(frame.intensities, np.uint8(LEVEL_PERCENT[self.ceiling]))
+        frame = MotorLevels(frame.layout, limited)
+        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=subject)
+        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
+
+    @contextmanager
+    def silence(self) -> Iterator[None]:
+        """Leave the vest at zero, however the block is left."""
+        try:
+            yield
+        finally:
+            self._vest.write(self._clock.now_ns(), self._silent)

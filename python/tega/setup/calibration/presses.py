@@ -47,7 +47,6 @@ class PressMeter:
         self._seen: dict[_Preset, list[Contact]] = {"paper": [], "live": []}
         self._now: list[Contact] = []
         self.presses: list[Press] = []
-        self.eda_px = 0
 
     @property
     def touched(self) -> bool:
@@ -68,7 +67,6 @@ class PressMeter:
         for preset, contact in readings.items():
             self._seen[preset].append(contact)
         live = readings["live"]
-        self.eda_px = live.eda
         if live.in_contact:
             self._now.append(live)
             return None

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from datetime import datetime
-from typing import Any, NamedTuple, TypeVar
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Annotated, Any, Final, NamedTuple, TypeVar
 
 import msgspec
 
 from tega.config import SessionConfig
-from tega.config.calibration.folder import CalibrationFolder, Unfinished
-from tega.errors import CalibrationError
+from tega.config.calibration.folder import CalibrationFolder
+from tega.devices.base import Device
+from tega.errors import CalibrationError, RecordingError
+from tega.runtime.files.foreign_file import parse_json, read_foreign
+from tega.runtime.files.whole_file import write_whole
 from tega.runtime.guide import Guide, Undecided
 
 
@@ -97,11 +101,35 @@ def until_good(
 _Kept = TypeVar("_Kept")
 
 
+RESUME_H: Final = 4.0
+"""An interrupted calibration is gone on with for so long; later the electrodes sit elsewhere."""
+
+
+class Unfinished(msgspec.Struct, kw_only=True):
+    """A calibration that is going on: the results of finished steps by name, and the device of each part.
+
+    Results of one device do not apply to another.
+    """
+
+    started: Annotated[datetime, msgspec.Meta(tz=True)]
+    devices: dict[str, str] = msgspec.field(default_factory=dict)
+    steps: dict[str, Any] = msgspec.field(default_factory=dict)
+
+
+def unfinished(path: Path, now: datetime) -> Unfinished | None:
+    """Return an interrupted calibration that can be gone on with."""
+    try:
+        found = parse_json(read_foreign(path, most_mib=64), Unfinished)
+    except (OSError, RecordingError, msgspec.MsgspecError):
+        return None
+    return found if timedelta(0) <= now - found.started <= timedelta(hours=RESUME_H) else None
+
+
 class Journal:
     """The finished steps of one person's calibration, each written at once."""
 
     def __init__(self, sitting: Sitting) -> None:
-        self._folder, self._person, self._now = sitting.folder, sitting.person, sitting.now
+        self._path, self._now = sitting.folder.person(sitting.person) / "unfinished.json", sitting.now
         self._unfinished = Unfinished(started=sitting.now())
 
     @property
@@ -115,7 +143,7 @@ class Journal:
         ``devices`` names each part's device: results of another device are left out. Return a sentence about
         what was done before; ``""`` for a new calibration.
         """
-        before = None if restart else self._folder.unfinished(self._person, self._now())
+        before = None if restart else unfinished(self._path, self._now())
         now = self._unfinished = before or self._unfinished
         for part, device in devices.items():
             if now.devices.get(part, device) != device:
@@ -160,7 +188,24 @@ class Journal:
 
     def end(self) -> None:
         """Delete the journal of a calibration that is finished."""
-        self._folder.forget_unfinished(self._person)
+        self._path.unlink(missing_ok=True)
 
     def _write(self) -> None:
-        self._folder.keep_unfinished(self._person, self._unfinished)
+        text = msgspec.json.format(msgspec.json.encode(self._unfinished)) + b"\n"
+        write_whole(self._path, text, sync=True)
+
+
+def drawing(sitting: Sitting, subject: str) -> str:
+    """Return a sentence that names the drawing of the placement, for a person with a known hand."""
+    hand = sitting.folder.hand(sitting.person)
+    left = "-left" if hand == "left" else ""
+    return f" For a {hand} hand: docs/images/placement-{subject}{left}.svg." if hand else ""
+
+
+def check_live(device: Device) -> None:
+    """Refuse a device that generates or replays its signal."""
+    if not device.info.live:
+        raise CalibrationError(
+            f"{device.info.driver}: {device.info.label} generates or replays its signal and cannot be calibrated",
+            "name a live device in the settings",
+        )

@@ -19,7 +19,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tega.errors import InvalidValueError
 from tega.wire import vest_levels
 
 TOP_LEVEL = 15
@@ -62,8 +61,6 @@ class Ladder:
     """
 
     def __init__(self, ceiling: int) -> None:
-        if not 1 <= ceiling <= TOP_LEVEL:
-            raise InvalidValueError(f"ceiling = {ceiling} is out of range: level 1 to {TOP_LEVEL}")
         self.share = 0.0
         self._found: Limen | None = None
         self._questions = self._ask(ceiling)
@@ -71,8 +68,6 @@ class Ladder:
 
     def answer(self, *, felt: bool) -> None:
         """Take the answer to the question about ``level``, while there is one."""
-        if self.level is None:
-            raise InvalidValueError("the ladder has ended: there is no question to answer")
         try:
             self.level = self._questions.send(felt)
         except StopIteration as end:
@@ -80,8 +75,7 @@ class Ladder:
 
     def result(self) -> Limen:
         """Return the lowest level that is felt; only once the search has ended."""
-        if self._found is None:
-            raise InvalidValueError("the ladder has not ended")
+        assert self._found is not None
         return self._found
 
     def _ask(self, ceiling: int) -> Generator[int, bool, Limen]:

@@ -6,24 +6,36 @@ Nothing is shown above the ceiling, and after every vibration, answer, error or 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from functools import partial
+from typing import NamedTuple
 
 import msgspec
-import numpy as np
 
+from tega.config import DEFAULT_LAYOUT
 from tega.config.calibration import TouchMaxima
-from tega.config.calibration.wearing import SITES, Wearing, judge_wearing, site_motors, site_place
+from tega.config.calibration.folder import device_name
+from tega.config.calibration.records import VestCalibration
+from tega.config.calibration.wearing import (
+    SITES,
+    Wearing,
+    judge_wearing,
+    middle_sites,
+    site_face,
+    site_place,
+)
+from tega.config.choose import chosen_stage
+from tega.config.person_settings import felt_by
 from tega.devices.base import VestSink
-from tega.haptics import FINGERS, FeltMap, Layout, MotorLevels, vest_frame
+from tega.errors import CalibrationError
+from tega.haptics import FINGERS, FeltMap, Layout
 from tega.loop.touch import TouchLoop
+from tega.loop.worn_vest import worn_vest
 from tega.records import Contact
-from tega.runtime.clock import SystemClock
-from tega.runtime.guide import Bar, Guide
-from tega.setup.calibration.identify import show_frame
-from tega.setup.calibration.sitting import Times, until_good
-from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder
+from tega.runtime.guide import Bar, Guide, Undecided
+from tega.setup.calibration.identify import Pulses
+from tega.setup.calibration.sitting import Journal, Sitting, check_live, drawing, until_good
+from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, highest_level
 from tega.stages.equal_steps import EqualStepsMapping, EqualStepsOptions
 
 _DISPLAYED_STEPS = 5
@@ -37,63 +49,17 @@ class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
     n_false: int
 
 
-class Pulses:
-    """Vibrations at sites of a vest, never above a ceiling, 1 to 15."""
-
-    def __init__(self, vest: VestSink, *, layout: Layout, ceiling: int, times: Times) -> None:
-        self._vest = vest
-        self.layout: Layout = layout
-        self._silent = vest_frame([0] * 4, [0] * 4, layout=layout)
-        self.ceiling = ceiling
-        self._times = times
-        self._clock = SystemClock()
-
-    def sites(self, *, each_motor: bool) -> tuple[str, ...]:
-        """Return the columns, or the motors, that this vest has."""
-        return tuple(f"m{m}" for m in self._silent.motors.tolist()) if each_motor else SITES
-
-    def one(self, site: str, level: int) -> None:
-        """Vibrate once; level 0 takes as long and does nothing."""
-        percent = LEVEL_PERCENT[min(level, self.ceiling)]
-        lit = np.isin(self._silent.motors, site_motors(site))
-        frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
-        show_frame(
-            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=site_place(site)
-        )
-
-    def pair(self, site: str, first: int, second: int) -> None:
-        """Vibrate twice, with a gap."""
-        self.one(site, first)
-        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
-        self.one(site, second)
-
-    def all(self, frame: MotorLevels, subject: str) -> None:
-        """Show a frame as long as a vibration, nothing of it above the ceiling."""
-        limited = np.minimum(frame.intensities, np.uint8(LEVEL_PERCENT[self.ceiling]))
-        frame = MotorLevels(frame.layout, limited)
-        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=subject)
-        self._clock.sleep_until(self._clock.now_ns() + round(self._times.gap_s * 1e9))
-
-    @contextmanager
-    def silence(self) -> Iterator[None]:
-        """Leave the vest at zero, however the block is left."""
-        try:
-            yield
-        finally:
-            self._vest.write(self._clock.now_ns(), self._silent)
-
-
 class VestSteps:
-    """Leads a wearer through the steps.
+    """Leads a wearer through the steps; each result is kept in the journal at once.
 
     Each raises ``Undecided`` where there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
     vest went away.
     """
 
-    def __init__(self, pulses: Pulses, guide: Guide, *, seed: int) -> None:
-        self._pulses, self._guide, self._seed = pulses, guide, seed
+    def __init__(self, pulses: Pulses, guide: Guide, journal: Journal, *, seed: int) -> None:
+        self._pulses, self._guide, self._journal, self._seed = pulses, guide, journal, seed
 
-    def places(self) -> tuple[Wearing, tuple[str, ...]]:
+    def places(self) -> Wearing:
         """Show every column once, in an order of chance, and ask where it is felt."""
         answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
         pulses = self._pulses
@@ -111,23 +77,21 @@ class VestSteps:
                     )
             return judge_wearing(places)
 
-        wearing, notes = until_good(self._guide, "vest: places", attempt, lambda w: w.problems)
+        wearing, notes = until_good(self._guide, "vest: places", attempt, lambda w: w.notes)
         self._guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
-        return wearing, notes
+        return msgspec.structs.replace(wearing, notes=notes)
 
-    def thresholds(self, sites: tuple[str, ...], done: MutableMapping[str, FeltSite]) -> None:
-        """Find at each site that is not done the lowest level that is felt."""
+    def thresholds(self, sites: tuple[str, ...]) -> dict[str, FeltSite]:
+        """Find at each site the lowest level that is felt."""
         answers, pulses = {"y": "yes", "n": "no", "r": "again"}, self._pulses
 
         def felt(site: str, level: int) -> bool:
             return self._requested("Felt?", answers, lambda: pulses.one(site, level)) == "y"
 
         left = dict.fromkeys(sites, pulses.ceiling)
-        self._each("threshold", left, done, felt, lambda level: LEVEL_PERCENT[level])
+        return self._each("threshold", left, felt, lambda level: LEVEL_PERCENT[level])
 
-    def steps(
-        self, sites: tuple[str, ...], thresholds: Mapping[str, FeltSite], done: MutableMapping[str, FeltSite]
-    ) -> None:
+    def steps(self, sites: tuple[str, ...], thresholds: Mapping[str, FeltSite]) -> dict[str, FeltSite]:
         """Find at some sites the smallest increase that is noticed, half way between threshold and ceiling.
 
         A site that is not felt, or hardly below the ceiling, is skipped.
@@ -145,7 +109,7 @@ class VestSteps:
 
         rooms = {s: pulses.ceiling - middle[s] for s in sites if thresholds[s].level}
         left = {site: room for site, room in rooms.items() if room > 0}
-        self._each("step", left, done, felt, lambda level: 100 * level / TOP_LEVEL)
+        return self._each("step", left, felt, lambda level: 100 * level / TOP_LEVEL)
 
     def show(self, felt: FeltMap) -> None:
         """Show five touches from light to full, in the equal steps of sensation that ``equal-steps`` makes.
@@ -176,11 +140,11 @@ class VestSteps:
         self,
         title: str,
         ceilings: Mapping[str, int],
-        done: MutableMapping[str, FeltSite],
         felt: Callable[[str, int], bool],
         percent: Callable[[int], float],
-    ) -> None:
-        """Climb a ladder at each site, up to its ceiling; results are put into ``done`` at once."""
+    ) -> dict[str, FeltSite]:
+        """Climb a ladder at each site that is not done, up to its ceiling."""
+        done = self._journal.kept(f"vest.{title}", dict[str, FeltSite]) or {}
         for site in [site for site in ceilings if site not in done]:
             ladder, n_done = Ladder(ceilings[site]), sum(one in done for one in ceilings)
             with self._pulses.silence():
@@ -191,9 +155,11 @@ class VestSteps:
                     ladder.answer(felt=felt(site, level))
             found = ladder.result()
             done[site] = FeltSite(level=found.level or 0, n_false=found.n_false)
+            self._journal.keep(f"vest.{title}", done)
             text = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
             tone = "warn" if found.level is None else "good"
             self._guide.say(f"{site_place(site)}: {title} {text}", tone=tone)
+        return done
 
     def _requested(self, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
         """Vibrate, then ask; repeat while the answer is "again"."""
@@ -201,3 +167,96 @@ class VestSteps:
             vibrate()
             if (text := self._guide.ask(question, answers)) != "r":
                 return text
+
+
+class VestChoices(NamedTuple):
+    """How a vest is calibrated; nothing stronger than ``ceiling_percent`` is shown.
+
+    ``each_motor`` asks about every motor, not about columns; ``each_step`` looks for the step at every column
+    or motor, not at one of each face. ``seed`` is that of the order in which the columns are shown.
+    """
+
+    ceiling_percent: int = 60
+    each_motor: bool = False
+    each_step: bool = False
+    seed: int = 0
+
+
+def calibrate_vest(sitting: Sitting, journal: Journal, choices: VestChoices, place: str) -> VestCalibration:
+    """Calibrate the vest of the settings, which must name one."""
+    section, guide = sitting.config.vest, sitting.guide
+    limit = min(choices.ceiling_percent, getattr(section.options, "limit", 100))
+    if highest_level(limit) < 2:
+        raise CalibrationError(
+            f"vest: a ceiling of {limit} % leaves no levels to look for",
+            "raise --ceiling or vest.options.limit",
+        )
+    guide.part(
+        f"Vest{place}",
+        f"Where columns are felt, from which level on, and which increase is noticed. Nothing above {limit} %."
+        + drawing(sitting, "vest"),
+    )
+    try:
+        with worn_vest(section, sitting.folder.person(sitting.person) / "vest-dose.json") as vest:
+            check_live(vest)
+            return _record(vest, sitting, journal, choices, limit)
+    except Undecided:
+        raise CalibrationError(
+            "vest: its questions need a person to answer them",
+            "run it without --yes, or with --only tactile or emg",
+        ) from None
+
+
+def _record(
+    vest: VestSink, sitting: Sitting, journal: Journal, choices: VestChoices, limit: int
+) -> VestCalibration:
+    """Lead through the steps on an open vest; steps that are done are left out."""
+    config, guide = sitting.config, sitting.guide
+    layout: Layout = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    pulses = Pulses(vest, layout=layout, ceiling=highest_level(limit), times=sitting.times)
+    lead = VestSteps(pulses, guide, journal, seed=choices.seed)
+    where = journal.step("vest.places", Wearing, lead.places)
+    sites = pulses.sites(each_motor=choices.each_motor)
+    guide.ready("Say each time whether you feel it; it will be faint, and sometimes there is nothing")
+    thresholds = lead.thresholds(sites)
+    if not any(felt.level for felt in thresholds.values()):
+        journal.forget("vest.threshold")
+        raise CalibrationError(
+            f"vest: nothing was felt up to {limit} %",
+            "is it switched on and tight? then the same command again, or with a higher --ceiling",
+        )
+    guide.ready("Now two vibrations each time: say which is the stronger one")
+    requested = sites
+    if not choices.each_step:
+        requested = middle_sites({site: felt.level for site, felt in thresholds.items()})
+    steps = lead.steps(requested, thresholds)
+    record = VestCalibration(
+        person=sitting.person,
+        device=device_name(vest.info),
+        driver=vest.info.driver,
+        made=sitting.now(),
+        notes=where.notes,
+        layout=layout,
+        ceiling_percent=limit,
+        sites=sites,
+        threshold_percent=tuple(
+            float(LEVEL_PERCENT[thresholds[s].level]) if thresholds[s].level else -1.0 for s in sites
+        ),
+        step_percent=tuple(_step_percent(s, thresholds, steps) for s in sites),
+        step_sites=tuple(steps),
+        named_right=where.n_right,
+        named=where.n_asked,
+        false_alarms=sum(felt.n_false for felt in (*thresholds.values(), *steps.values())),
+    )
+    if chosen_stage("mapping", config.stages, config.session.preset).kind is EqualStepsMapping:
+        threshold, step = felt_by(record)
+        lead.show(FeltMap(threshold=threshold, step=step))
+    return record
+
+
+def _step_percent(site: str, thresholds: Mapping[str, FeltSite], steps: Mapping[str, FeltSite]) -> float:
+    """Return a site's step, or that of its face where only that was looked for; -1 where there is none."""
+    measured = steps.get(site) or next((f for s, f in steps.items() if site_face(s) == site_face(site)), None)
+    if measured is None or not measured.level or not thresholds[site].level:
+        return -1.0
+    return round(100 * measured.level / TOP_LEVEL, 2)

@@ -27,11 +27,11 @@ from tega.runtime.files.foreign_file import path_below
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.effort import Maxima, Quiet
 from tega.setup.calibration.presses import Ball
-from tega.setup.calibration.sitting import Journal, Sitting
+from tega.setup.calibration.sitting import Journal, Sitting, check_live, drawing
 from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
 from tega.setup.calibration.steps_emg import MuscleSteps, muscle_names
 from tega.setup.calibration.steps_touch import TakenBaseline, take_baseline, take_presses
-from tega.setup.calibration.vest_part import VestChoices, calibrate_vest, check_live, drawing
+from tega.setup.calibration.steps_vest import VestChoices, calibrate_vest
 
 Only = Literal["tactile", "emg", "vest", "arm"]
 

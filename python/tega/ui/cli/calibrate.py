@@ -112,7 +112,7 @@ def calibrate(
     from tega.setup.calibration.presses import Ball
     from tega.setup.calibration.refresh import refresh as refresh_all
     from tega.setup.calibration.sitting import Sitting, Times
-    from tega.setup.calibration.vest_part import VestChoices
+    from tega.setup.calibration.steps_vest import VestChoices
     from tega.setup.calibration.wizard import Calibrating, parts_of
     from tega.ui.cli.guide_page import guide_for
 
