@@ -8,11 +8,11 @@ FEATURE = Feature(
     summary="Acceptance test of a device; latency of a vest's motors by microphone.",
     verbs={
         "acceptance": Verb(
-            "tega_bench.accept:acceptance",
+            "tega_bench.cli:acceptance",
             "Test one device for the first time, and write a report.",
             "Prepare",
         ),
-        "vest onset": Verb("tega_bench.onset:onset", "Measure how long a motor takes to start."),
+        "vest onset": Verb("tega_bench.cli:onset", "Measure how long a motor takes to start."),
     },
     extra="onset",
 )

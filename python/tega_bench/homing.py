@@ -77,8 +77,7 @@ def go_to_start(
     arm = config.arm
     if arm is None or (start := arm.start) is None:
         raise ConfigError("the arm has no start to go to", "set arm.start_m")
-    replace = msgspec.structs.replace
-    config = replace(config, arm=_unsteered(arm), session=replace(config.session, pace="real"))
+    config = _unsteered(config, arm)
     with ExitStack() as stack:
         route = MoveToStart(start)
         bus = Bus() if bus is None else bus
@@ -121,15 +120,12 @@ def go_to_start(
         return f"the arm is at its start, {1000 * (route.off_m or 0.0):.0f} mm off" + hand.words
 
 
-def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
+def watch_arm(config: SessionConfig, arm: ArmConfig, seconds: float, *, bus: Bus) -> None:
     """Open the arm of the settings and watch it for a while; nothing may move.
 
     ``DeviceUnavailableError`` where a device is missing, went away or is at fault.
     """
-    if config.arm is None:
-        raise ConfigError("no arm is set", "set arm.driver")
-    replace = msgspec.structs.replace
-    config = replace(config, arm=_unsteered(config.arm), session=replace(config.session, pace="real"))
+    config = _unsteered(config, arm)
     with ExitStack() as stack:
         nowhere = MoveToStart(Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0])))
         steering = open_arm(stack, config, open_inputs(stack, config), tracker=nowhere)
@@ -138,15 +134,13 @@ def watch_arm(config: SessionConfig, seconds: float, *, bus: Bus) -> None:
         time.sleep(seconds)
 
 
-def _unsteered(arm: ArmConfig) -> ArmConfig:
-    """Return the arm's settings for a way that is given in the base's own axes, no faster than such a way may be."""
-    limits = msgspec.structs.replace(
-        arm.limits,
-        speed_m_s=min(arm.limits.speed_m_s, SPEED_M_S),
-        turn_rad_s=min(arm.limits.turn_rad_s, TURN_RAD_S),
-    )
+def _unsteered(config: SessionConfig, arm: ArmConfig) -> SessionConfig:
+    """Return the settings for a way that is given in the base's own axes, no faster than such a way may be."""
+    replace, speed_m_s, turn_rad_s = msgspec.structs.replace, arm.limits.speed_m_s, arm.limits.turn_rad_s
+    limits = replace(arm.limits, speed_m_s=min(speed_m_s, SPEED_M_S), turn_rad_s=min(turn_rad_s, TURN_RAD_S))
     mapping = MappingSettings(frame="base", mirror=False)
-    return msgspec.structs.replace(arm, mapping=mapping, filter=FilterSettings(on=False), limits=limits)
+    arm = replace(arm, mapping=mapping, filter=FilterSettings(on=False), limits=limits)
+    return replace(config, arm=arm, session=replace(config.session, pace="real"))
 
 
 class _Opening:

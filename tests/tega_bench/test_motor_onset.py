@@ -19,16 +19,16 @@ from reference.processes import until
 from tega.config import check_tree
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import OnsetRecord, read_record
-from tega.config.motor_onset import motor_onset
+from tega.config.person import motor_onset
 from tega.devices import driver_class
 from tega.errors import CalibrationError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.loop.session import run_session
 from tega.loop.worn_vest import NAMELESS
 from tega.recording.inspection import inspect_file
 from tega.runtime.clock import SystemClock
-from tega_bench.vest_latency.detect import Onsets, find_onsets
+from tega_bench.vest_latency.detect import find_onsets
 from tega_bench.vest_latency.log import ClockMap, OnsetLog, by_clicks, read_log, read_wav, write_log
-from tega_bench.vest_latency.measure import OnsetFound, found_in, play_bursts, record_of
+from tega_bench.vest_latency.measure import play_bursts, record_of
 from tega_bench.vest_latency.microphone import Microphone
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
 from tega_emulators.motor_sound import RATE_HZ
@@ -66,11 +66,6 @@ def recorded(motor: Emulator, folder: Path, *, bursts: int = 8, percent: int = 6
     return samples, commands_s
 
 
-def found(motor: Emulator, folder: Path, **how: Any) -> Onsets:
-    samples, commands_s = recorded(motor, folder, **how)
-    return find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("delay_ms", "how"),
@@ -90,17 +85,12 @@ def found(motor: Emulator, folder: Path, **how: Any) -> Onsets:
 def test_the_delay_is_found_whatever_noise_hum_and_intensity(
     motor: Emulator, tmp_path: Path, delay_ms: float, how: dict[str, Any]
 ) -> None:
-    onsets = found(motor, tmp_path, delay_ms=delay_ms, **how)
+    samples, commands_s = recorded(motor, tmp_path, delay_ms=delay_ms, **how)
+    onsets = find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S)
     assert onsets.problem == ""
     assert len(onsets.delays_s) == len(onsets.bursts) == 8
     assert float(np.median(onsets.delays_s)) * 1e3 == pytest.approx(delay_ms, abs=WITHIN_MS)
     assert np.median(onsets.halves_s) > np.median(onsets.delays_s)
-
-
-def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Path) -> None:
-    samples, commands_s = recorded(motor, tmp_path)
-    elsewhere = [c - 0.45 for c in commands_s]
-    assert find_onsets(samples, RATE_HZ, elsewhere, on_s=ON_S).problem
 
 
 @pytest.mark.slow
@@ -116,12 +106,12 @@ def test_where_no_burst_is_played_nothing_is_found(motor: Emulator, tmp_path: Pa
 def test_what_cannot_be_heard_gives_no_number(
     motor: Emulator, tmp_path: Path, how: dict[str, Any], text: str
 ) -> None:
-    onsets = found(motor, tmp_path, **how)
-    assert onsets.delays_s.size == 0
+    samples, commands_s = recorded(motor, tmp_path, **how)
+    assert find_onsets(samples, RATE_HZ, commands_s, on_s=ON_S).delays_s.size == 0
+    clock = ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="stamps")
+    log = msgspec.structs.replace(LOG, bursts_s=tuple(commands_s), clock=clock)
     with pytest.raises(CalibrationError, match=f"no result: .*({text})") as error:
-        record_of(
-            OnsetFound(ClockMap(began_s=0, rate_hz=RATE_HZ, uncertainty_ms=8.0, how="clicks"), onsets), LOG
-        )
+        record_of(samples, RATE_HZ, log)
     assert error.value.hint
 
 
@@ -137,9 +127,6 @@ def test_knocks_cost_their_bursts_and_are_told(motor: Emulator, tmp_path: Path) 
     assert onsets.bursts[2].why
     assert onsets.bursts[5].why
     assert float(np.median(onsets.delays_s)) * 1e3 == pytest.approx(60, abs=WITHIN_MS)
-
-
-# How recording and commands lie in time.
 
 
 def test_clicks_place_a_recording_that_began_at_any_time(motor: Emulator, tmp_path: Path) -> None:
@@ -158,8 +145,6 @@ def test_clicks_place_a_recording_that_began_at_any_time(motor: Emulator, tmp_pa
         by_clicks(samples, rate_hz, [1.0, 1.9], source="keys")
 
 
-# Log and recording, as from a phone.
-
 LOG = OnsetLog(
     made=datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC),
     driver="bhaptics-player",
@@ -175,7 +160,9 @@ LOG = OnsetLog(
 def test_a_phone_s_recording_with_its_log(
     motor: Emulator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, commands_s = recorded(motor, tmp_path, delay_ms=90.0)
+    samples, commands_s = recorded(motor, tmp_path, delay_ms=90.0)
+    # Where no burst is played nothing is found.
+    assert find_onsets(samples, RATE_HZ, [c - 0.45 for c in commands_s], on_s=ON_S).problem
     clicks_s = [0.15, 0.5, commands_s[-1] + 1.0, commands_s[-1] + 1.4]
     for t_s in clicks_s:
         motor.say(f"click {t_s}")
@@ -206,10 +193,7 @@ def test_what_is_no_recording_or_no_log_is_told(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"x\.wav: is no log of a motor"):
         read_log(tmp_path / "x.wav")
     with pytest.raises(CalibrationError, match="nothing says how log and recording lie in time"):
-        found_in(np.zeros(RATE_HZ), RATE_HZ, LOG)
-
-
-# With a microphone here; the vest, its driver's link and the sound are in other processes.
+        record_of(np.zeros(RATE_HZ), RATE_HZ, LOG)
 
 
 @pytest.mark.slow
@@ -245,8 +229,8 @@ def test_through_driver_and_microphone(
     (worn,) = json.loads((tmp_path / NAMELESS).read_bytes())
     assert {i for i, dose_s in enumerate(worn["dose_s"]) if dose_s} == {7}
     (wav,) = (tmp_path / "raw").glob("*.wav")
-    again = found_in(*read_wav(wav), read_log(wav.with_suffix(".json")))
-    assert float(np.median(again.onsets.delays_s)) * 1e3 == pytest.approx(record["onset_ms"], abs=1.0)
+    again = record_of(*read_wav(wav), read_log(wav.with_suffix(".json")))
+    assert again.onset_ms == pytest.approx(record["onset_ms"], abs=1.0)
 
 
 @pytest.mark.slow
@@ -264,8 +248,7 @@ def test_a_microphone_that_is_not_there_goes_away_or_loses_samples() -> None:
                     ear.received()
             port.present, port.overflows = True, True
             with Microphone() as ear:
-                while ear.received_s < 0.5:
-                    threading.Event().wait(0.02)
+                until(lambda: ear._lost)
                 with pytest.raises(DeviceUnavailableError, match="lost samples"):
                     ear.received()
 
@@ -288,9 +271,6 @@ def test_a_vest_that_does_not_tell_when_a_frame_leaves_is_refused(tmp_path: Path
     made = recorder(recorder.options_type(file=tmp_path / "v.csv"))
     with made as vest, pytest.raises(DeviceUnavailableError, match="does not report when a frame leaves"):
         play_bursts(vest, 0, layout="x40", percent=60, bursts=1, clock=SystemClock())
-
-
-# What a run makes of it.
 
 
 @pytest.mark.slow

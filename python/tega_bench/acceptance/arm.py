@@ -79,9 +79,7 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
         measured=spread_ms("age", ages_ms),
     )
     home = next(t.measured[0] for t in reversed(seen) if t.measured)
-    turns: list[ArmTurn] = []
-    bus = Bus()
-    bus.subscribe(ArmTurn, turns.append)
+    turns, bus = _turns()
     reported, text = _EchoedOnce(guide), ""
     try:
         for up_m in (LEAST_UP_M, 0.0):
@@ -102,11 +100,16 @@ def accept_arm(config: SessionConfig, arm: ArmConfig, guide: AcceptanceGuide) ->
     yield _stands(config, arm, guide)
 
 
-def _watched(config: SessionConfig, arm: ArmConfig) -> list[ArmTurn]:
-    turns: list[ArmTurn] = []
-    bus = Bus()
+def _turns() -> tuple[list[ArmTurn], Bus]:
+    """Return the arm's turns, which are appended as they come, and the bus that they come on."""
+    turns, bus = list[ArmTurn](), Bus()
     bus.subscribe(ArmTurn, turns.append)
-    watch_arm(msgspec.structs.replace(config, arm=arm), _WATCH_S, bus=bus)
+    return turns, bus
+
+
+def _watched(config: SessionConfig, arm: ArmConfig) -> list[ArmTurn]:
+    turns, bus = _turns()
+    watch_arm(config, arm, _WATCH_S, bus=bus)
     return turns
 
 
@@ -119,12 +122,13 @@ def _turn_rate(turns: Sequence[ArmTurn], agreed_hz: float) -> AcceptanceStep:
         return AcceptanceStep(name="rate", status="failed", said="its process made no turn")
     span_s = (turns[-1].t_ns - turns[0].t_ns) * 1e-9
     rate_hz, known_hz = (len(turns) - 1) / span_s, sum(bool(t.measured) for t in turns) / span_s
+    fast = rate_hz > _SLOW * agreed_hz
     return AcceptanceStep(
         name="rate",
-        status="passed" if rate_hz > _SLOW * agreed_hz else "look",
+        status="passed" if fast else "look",
         said=f"{rate_hz:.0f} turns a second of {agreed_hz:g} that the settings ask for; the arm's place was new in "
         f"{known_hz:.0f} of them",
-        todo="" if rate_hz > _SLOW * agreed_hz else "look at what else this machine does",
+        todo="" if fast else "look at what else this machine does",
         measured={"rate_hz": round(rate_hz, 1), "measured_hz": round(known_hz, 1)},
     )
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.devices.base import AnsweringHand, HarmlessDevice, ReportingHand, StampingVest, optional
 from tega.errors import InvalidValueError
@@ -35,17 +36,18 @@ def skipped_steps(names: Sequence[str], why: str) -> list[AcceptanceStep]:
     return [AcceptanceStep(name=name, status="skipped", said=why) for name in names]
 
 
-def least_vest_options(options: Any) -> Any | None:
-    """Return a vest's options with the least limit; ``None`` where its driver has no limit of strength."""
-    if not hasattr(options, "limit"):
-        return None
-    return msgspec.structs.replace(options, limit=min(LEAST_PERCENT, options.limit))
+def least_options(options: Any) -> Any | None:
+    """Return a vest's or hand's options with the least strength; ``None`` where its driver has no limit of it."""
+    for name, least in (("limit", LEAST_PERCENT), ("torque_share", LEAST_TORQUE)):
+        if hasattr(options, name):
+            return msgspec.structs.replace(options, **{name: min(least, getattr(options, name))})
+    return None
 
 
 def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     """Accept an open vest: the steps rate, latency, limits, least and stop; those that vibrate need a yes.
 
-    ``vest`` is open with :func:`least_vest_options`; ``percent`` is its limit; ``guide`` holds or wears it.
+    ``vest`` is open with :func:`least_options`; ``percent`` is its limit; ``guide`` holds or wears it.
     """
     dark = vest_frame([0] * 4, [0] * 4, layout=layout)
     motors = dark.motors.tolist()
@@ -166,13 +168,6 @@ def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuid
     )
 
 
-def least_hand_options(options: Any) -> Any | None:
-    """Return a hand's options with the least torque; ``None`` where its driver has no ceiling of torque."""
-    if not hasattr(options, "torque_share"):
-        return None
-    return msgspec.structs.replace(options, torque_share=min(LEAST_TORQUE, options.torque_share))
-
-
 def accept_hand(
     make: Any, options: Any, guide: AcceptanceGuide, measured: Mapping[str, float]
 ) -> Iterator[AcceptanceStep]:
@@ -182,7 +177,7 @@ def accept_hand(
     at the hand's switch; ``measured`` is what ``doctor`` measured with the motors off.
     """
     yield _reported_rate(make(options).info.rate_hz or 0.0, measured)
-    least = least_hand_options(options)
+    least = least_options(options)
     guide.say("The hand is free of people and things; one of you has a finger on its emergency switch.")
     share = 0.0 if least is None else least.torque_share
     question = (
@@ -216,16 +211,11 @@ def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceSte
         refused = False
     except InvalidValueError:
         refused = True
-    _hold(hand, 1.0)
+    _hold(hand, 1.0, hand.angles_rad)
     start_ns, open_rad = time.monotonic_ns(), hand.angles_rad.copy()
-    furthest = 0.0
-    until_s = time.monotonic() + _MOVE_S
-    while time.monotonic() < until_s:
-        hand.step(LEAST_LEVEL)
-        furthest = max(furthest, float(np.abs(hand.angles_rad - open_rad).max()))
-        time.sleep(0.02)
+    furthest = _hold(hand, LEAST_LEVEL, open_rad)
     answered = hand.answered_ns(start_ns) if isinstance(hand, AnsweringHand) else None
-    _hold(hand, 1.0)
+    _hold(hand, 1.0, open_rad)
     back_rad = float(np.abs(hand.angles_rad - open_rad).max())
     problem = optional(hand, "problem")
     seen = guide.ask("Did all fingers close a little and open again?")
@@ -249,33 +239,34 @@ def _move(hand: Any, share: float, guide: AcceptanceGuide) -> list[AcceptanceSte
             status="failed" if problem else seen_status(seen) if moved else "look",
             said=f"asked to close to level {LEAST_LEVEL:g}, its joints moved by up to {furthest:.3f} rad and came back"
             + (f"; {problem}" if problem else ""),
-            todo=""
-            if furthest > _MOVED_RAD
-            else "so little torque may not move it: raise torque_share by hand",
+            todo="" if moved else "so little torque may not move it: raise torque_share by hand",
             measured={"moved_rad": round(furthest, 4), "left_over_rad": round(back_rad, 4)},
             answers={"Did all fingers close a little and open again?": seen},
         ),
     ]
 
 
-def _hold(hand: Any, level: float) -> None:
-    until_s = time.monotonic() + _MOVE_S
+def _hold(hand: Any, level: float, open_rad: NDArray[np.float64]) -> float:
+    """Hold a level for a while; return how far any joint went from its open angle, rad."""
+    furthest, until_s = 0.0, time.monotonic() + _MOVE_S
     while time.monotonic() < until_s:
         hand.step(level)
+        furthest = max(furthest, float(np.abs(hand.angles_rad - open_rad).max()))
         time.sleep(0.02)
+    return furthest
 
 
 def _hand_stop(hand: Any, guide: AcceptanceGuide) -> AcceptanceStep:
     start_s = time.monotonic()
     hand.limp()
     hand.close()
-    closed_s = time.monotonic() - start_s
+    measured = {"let_go_s": round(time.monotonic() - start_s, 3)}
     limp = guide.ask("Is the hand limp now?")
     return AcceptanceStep(
         name="stop",
         status=seen_status(limp),
         said="it was let go",
-        measured={"let_go_s": round(closed_s, 3)},
+        measured=measured,
         answers={"Is the hand limp?": limp},
     )
 
@@ -293,10 +284,9 @@ def _motors_off(make: Any, options: Any, step: AcceptanceStep) -> AcceptanceStep
     driver: Any = make
     with driver(harmless) as hand:
         on = isinstance(hand, ReportingHand) and hand.state().servo_on
-    text = "the hand says that its motors are ON" if on else "the hand says that its motors are off"
     return msgspec.structs.replace(
         step,
         status="failed" if on else step.status,
-        said=f"{step.said}; {text}",
+        said=f"{step.said}; the hand says that its motors are {'ON' if on else 'off'}",
         todo="use the emergency switch" if on else step.todo,
     )

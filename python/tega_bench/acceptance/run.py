@@ -21,7 +21,7 @@ from tega.setup.doctor.findings import DriverCase
 from tega.setup.doctor.settings import cases_of
 from tega_bench.acceptance.arm import accept_arm
 from tega_bench.acceptance.leading import accept_input, accept_tracker
-from tega_bench.acceptance.outputs import accept_hand, accept_vest, least_vest_options, skipped_steps
+from tega_bench.acceptance.outputs import accept_hand, accept_vest, least_options, skipped_steps
 from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, AcceptanceStep
 from tega_bench.acceptance.sensors import accept_amplifier, accept_camera, reopen_step
 
@@ -74,7 +74,12 @@ def accept_device(
         kind=case.kind,
         driver=case.driver,
         device=device,
-        options=_plain_options(case.options),
+        # No path, name or key.
+        options={
+            name: str(value).lower() if isinstance(value, bool) else f"{value:g}"
+            for name, value in msgspec.structs.asdict(case.options).items()
+            if isinstance(value, bool | int | float)
+        },
         answered=answered,
         steps=tuple(steps),
     )
@@ -82,7 +87,7 @@ def accept_device(
 
 def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> Iterator[AcceptanceStep]:
     driver: Any = driver_class(case.driver, case.kind)
-    least = least_vest_options(case.options) if case.kind == "vest" else None
+    least = least_options(case.options) if case.kind == "vest" else None
     if least is not None:
         section = msgspec.structs.replace(config.vest, options=least)
         layout: Any = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
@@ -93,19 +98,21 @@ def _steps(config: SessionConfig, case: DriverCase, guide: AcceptanceGuide) -> I
         return
     found = _found(case)
     yield found
-    if case.kind in {"tactile", "emg"} and found.status != "failed":
+    if found.status == "failed" and case.kind != "vest":
+        return
+    if case.kind in {"tactile", "emg"}:
         with driver(case.options) as source:
             yield from (accept_camera if case.kind == "tactile" else accept_amplifier)(source, guide)
             yield reopen_step(source)
-    elif case.kind == "hand" and found.status != "failed":
+    elif case.kind == "hand":
         yield from accept_hand(driver, case.options, guide, found.measured)
-    elif case.kind == "arm" and config.arm is not None and found.status != "failed":
+    elif case.kind == "arm" and config.arm is not None:
         yield from accept_arm(config, config.arm, guide)
-    elif case.kind == "tracker" and found.status != "failed":
+    elif case.kind == "tracker":
         gate = GateSettings() if config.arm is None else config.arm.gate
         with driver(case.options) as tracker:
             yield from accept_tracker(tracker, gate, guide)
-    elif case.kind == "input" and found.status != "failed":
+    elif case.kind == "input":
         with driver(case.options) as source:
             yield from accept_input(source, guide)
     elif case.kind == "vest":
@@ -122,13 +129,3 @@ def _found(case: DriverCase) -> AcceptanceStep:
     todo = "; ".join(step for f in (*bad, *doubts) for step in f.todo)
     status: Any = "failed" if bad else "look" if doubts else "passed"
     return AcceptanceStep(name="identity", status=status, said=text, todo=todo, measured=measured)
-
-
-def _plain_options(options: Any) -> dict[str, str]:
-    """Return the options that are no path, name or key, as text."""
-    plain = {}
-    for field in msgspec.structs.fields(type(options)):
-        value = getattr(options, field.name)
-        if isinstance(value, bool | int | float):
-            plain[field.name] = str(value).lower() if isinstance(value, bool) else f"{value:g}"
-    return plain

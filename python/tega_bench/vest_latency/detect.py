@@ -115,7 +115,7 @@ def find_onsets(
     bursts = [
         strength.burst(c, on_s) if c in received else _left_out("outside the recording") for c in commands_s
     ]
-    return _judged(spin_hz, _without_strays(bursts))
+    return _judged(spin_hz, bursts)
 
 
 class _Strength:
@@ -219,19 +219,16 @@ def _spin(
     return float(hz[k]) if more[k] > 0 and loud[k] > 8 * floor else float("nan")
 
 
-def _without_strays(bursts: list[BurstOnset]) -> list[BurstOnset]:
-    delays = np.array([b.delay_s for b in bursts if not b.why])
-    if len(delays) < FEWEST - 1:
-        return bursts
-    middle = float(np.median(delays))
-    wide = max(3.5 * 1.4826 * float(np.median(np.abs(delays - middle))), 0.015)
-    return [
-        b if b.why or abs(b.delay_s - middle) <= wide else b._replace(why="far from all others")
-        for b in bursts
-    ]
-
-
 def _judged(spin_hz: float, bursts: list[BurstOnset]) -> Onsets:
+    """Leave out what is far from all others, and say why there is no result."""
+    delays = np.array([b.delay_s for b in bursts if not b.why])
+    if len(delays) >= FEWEST - 1:
+        middle = float(np.median(delays))
+        wide = max(3.5 * 1.4826 * float(np.median(np.abs(delays - middle))), 0.015)
+        bursts = [
+            b if b.why or abs(b.delay_s - middle) <= wide else b._replace(why="far from all others")
+            for b in bursts
+        ]
     onsets = Onsets(spin_hz, tuple(bursts))
     n_good = len(onsets.delays_s)
     if n_good >= max(FEWEST, (len(bursts) + 1) // 2):

@@ -3,33 +3,37 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
-from typing import Any, Final, NamedTuple
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, Literal, NamedTuple
 
+import click
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.config import DEFAULT_LAYOUT, SessionConfig
 from tega.config.calibration.folder import device_name
-from tega.config.calibration.records import OnsetRecord
-from tega.devices.base import DeviceInfo, StampingVest, VestSink
-from tega.errors import CalibrationError, DeviceUnavailableError
+from tega.config.calibration.records import OnsetRecord, utc_now
+from tega.devices.base import StampingVest, VestSink
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError
 from tega.haptics import Layout
-from tega.runtime.clock import Clock
-from tega.setup.calibration.identify import light_motor
-from tega_bench.vest_latency.detect import Onsets, find_onsets
-from tega_bench.vest_latency.log import ClockMap, OnsetLog, by_clicks
+from tega.loop.worn_vest import dose_file, worn_vest
+from tega.runtime.clock import Clock, SystemClock
+from tega.runtime.keys import Keys
+from tega.safety.stop import CtrlC
+from tega.setup.calibration.identify import light_motor, motor_place
+from tega.ui.cli.options import progress_bar
+from tega_bench.vest_latency.detect import find_onsets
+from tega_bench.vest_latency.log import OnsetLog, by_clicks, write_log, write_wav
+from tega_bench.vest_latency.microphone import Microphone, Speaker
 
 BURST_S: Final = 0.5
 # Long enough for a motor to stand still again, uneven so that nothing periodic keeps step.
 _REST_S: Final = (0.9, 1.3)
 _BEFORE_S: Final = 0.8
-
-
-class OnsetFound(NamedTuple):
-    """Onsets found in a recording, and how it lies in time."""
-
-    clock: ClockMap
-    onsets: Onsets
 
 
 def watched_vest(vest: VestSink) -> VestSink:
@@ -94,11 +98,11 @@ def play_bursts(
     return left_s, unsent
 
 
-def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetFound:
-    """Find the onsets of a log's bursts in a recording; ``samples`` is float64 (n,), -1 to 1.
+def record_of(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> OnsetRecord:
+    """Find the onsets of a log's bursts in its recording, float64 (n,), -1 to 1, and make the motor's record.
 
-    ``CalibrationError`` if nothing shows how log and recording lie in time; ``InvalidValueError`` if the
-    clicks are not in the recording, or its rate is too low.
+    ``CalibrationError`` without a result, with the reason, or if nothing shows how log and recording lie in
+    time; ``InvalidValueError`` if the clicks are not in the recording, or its rate is too low.
     """
     if log.clicks_s:
         clock = by_clicks(samples, rate_hz, log.clicks_s, source=log.clicks)
@@ -110,12 +114,7 @@ def found_in(samples: NDArray[np.float64], rate_hz: float, log: OnsetLog) -> Ons
             "make it again with --sync keys",
         )
     commands_s = [at_s - clock.began_s for at_s in log.bursts_s]
-    return OnsetFound(clock, find_onsets(samples, clock.rate_hz, commands_s, on_s=log.on_s))
-
-
-def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
-    """Make the record of a measurement; a ``CalibrationError`` without a result, which gives the reason."""
-    onsets = found.onsets
+    onsets = find_onsets(samples, clock.rate_hz, commands_s, on_s=log.on_s)
     if onsets.problem:
         raise CalibrationError(f"motor {log.motor}: no result: {onsets.problem}", onsets.hint)
     delays_ms, halves_ms = 1e3 * onsets.delays_s, 1e3 * onsets.halves_s
@@ -137,20 +136,61 @@ def record_of(found: OnsetFound, log: OnsetLog) -> OnsetRecord:
         used=len(delays_ms),
         left_out=tuple(f"{n}: {why}" for why, n in sorted(left_out.items())),
         spin_hz=round(onsets.spin_hz, 1),
-        clock=found.clock.how,
-        clock_uncertainty_ms=round(found.clock.uncertainty_ms, 1),
+        clock=clock.how,
+        clock_uncertainty_ms=round(clock.uncertainty_ms, 1),
     )
 
 
-def log_of(
-    info: DeviceInfo, bursts_s: list[float], clicks_s: list[float], *, unsent: int, **facts: Any
-) -> OnsetLog:
-    """Make the log of some bursts, times counted from the first; ``DeviceUnavailableError`` if no burst left.
+class Bursts(NamedTuple):
+    """How bursts are played on the vest of some settings, and what makes the clicks that synchronize."""
 
-    ``bursts_s`` is when each left, seconds on the monotonic clock, ``clicks_s`` likewise; ``unsent`` counts
-    bursts that did not leave as wanted. ``facts`` are other attributes of
-    :class:`tega_bench.vest_latency.log.OnsetLog`.
-    """
+    config: SessionConfig
+    percent: int
+    bursts: int
+    sync: Literal["keys", "speaker"]
+
+
+def measure_motors(
+    wanted: Bursts, motors: tuple[int, ...], microphone: str | None, keep: Path | None
+) -> Iterator[OnsetRecord]:
+    """Play and record the bursts of each motor; recording and log are kept in the folder ``keep``, if any."""
+    for motor in motors:
+        if len(motors) > 1 and sys.stdin.isatty():
+            text = f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter"
+            click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
+        with Microphone(microphone) as ear:
+            log = play_log(wanted, motor)
+            samples = ear.received()
+        if keep is not None:
+            name = f"{log.made:%Y%m%d-%H%M%S}-motor{motor:02}"
+            write_wav(keep / f"{name}.wav", samples, ear.rate_hz)
+            write_log(log, keep / f"{name}.json")
+        yield record_of(samples, ear.rate_hz, log)
+
+
+def play_log(wanted: Bursts, motor: int) -> OnsetLog:
+    """Play the bursts of a motor, clicks before and after; ``DeviceUnavailableError`` if none left as wanted."""
+    config = wanted.config
+    if config.vest.driver is None:
+        raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
+    layout = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
+    made, worn = utc_now(), worn_vest(config.vest, dose_file(config.calibration))
+    with CtrlC() as stop, _clicker(wanted.sync, stop) as clicks, worn as vest:
+        opened: Any = watched_vest(vest)
+        clicks_s = clicks()
+        with progress_bar() as displayed:
+            bursts_s, unsent = play_bursts(
+                opened,
+                motor,
+                layout=layout,
+                percent=wanted.percent,
+                bursts=wanted.bursts,
+                clock=SystemClock(),
+                stop=stop,
+                reported=lambda done, total: displayed(f"motor {motor}", done, total),
+            )
+        clicks_s += clicks()
+        info = opened.info
     if not bursts_s:
         raise DeviceUnavailableError(
             f"{info.label}: none of the {unsent} bursts left as wanted",
@@ -158,12 +198,54 @@ def log_of(
         )
     zero_s = min(bursts_s + clicks_s)
     return OnsetLog(
+        made=made,
         driver=info.driver,
         device=device_name(info),
+        layout=layout,
+        motor=motor,
+        percent=wanted.percent,
         on_s=BURST_S,
         bursts_s=tuple(round(t - zero_s, 6) for t in bursts_s),
         clicks_s=tuple(round(t - zero_s, 6) for t in clicks_s),
+        clicks=wanted.sync,
         unsent=unsent,
         notes=info.notes,
-        **facts,
     )
+
+
+_CLICKS = 4
+_CLICK_APART_S = (0.37, 0.61, 0.83, 0.53)
+
+
+@contextmanager
+def _clicker(sync: str, stop: Callable[[], bool]) -> Iterator[Callable[[], list[float]]]:
+    """Give what makes a few clicks and returns their times, seconds on the monotonic clock."""
+    if sync == "speaker":
+        with Speaker() as speaker:
+
+            def clicked() -> list[float]:
+                times = []
+                for apart_s in _CLICK_APART_S:
+                    times.append(speaker.click())
+                    time.sleep(apart_s)
+                return times
+
+            yield clicked
+        return
+    with Keys() as keys:
+
+        def struck() -> list[float]:
+            text = f"Strike the space bar hard {_CLICKS} times, not evenly, beside the microphone: "
+            click.echo(text, nl=False, err=True)
+            times: list[float] = []
+            while len(times) < _CLICKS:
+                if stop():
+                    raise KeyboardInterrupt
+                pressed = keys.read()
+                times += [time.monotonic()] * pressed.count(" ")
+                click.echo("·" * pressed.count(" "), nl=False, err=True)
+                time.sleep(0.001)
+            click.echo(" heard", err=True)
+            return times
+
+        yield struck

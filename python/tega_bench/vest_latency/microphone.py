@@ -24,17 +24,27 @@ def list_microphones() -> list[str]:
     return [f"{n}: {d['name']}" for n, d in enumerate(devices) if d["max_input_channels"] > 0]
 
 
-class Microphone:
+class _Sound:
+    """A stream of the sound system, for as long as the ``with`` block lasts."""
+
+    _stream: Any = None
+
+    def __exit__(self, *_error: object) -> None:
+        """Close it."""
+        stream, self._stream = self._stream, None
+        if stream is not None:
+            stream.close()
+
+
+class Microphone(_Sound):
     """Records one channel while open; ``device`` is a number or part of a name, ``None`` the system's own."""
 
     def __init__(self, device: str | None = None) -> None:
         self._device = int(device) if device is not None and device.isdigit() else device
         self._lock = threading.Lock()
         self._parts: list[NDArray[np.float64]] = []
-        self._n = 0
         self._came_s = 0.0
         self._lost = 0
-        self._stream: Any = None
         self.rate_hz = float(RATE_HZ)
         self.name = ""
 
@@ -64,17 +74,6 @@ class Microphone:
             time.sleep(0.01)
         return self
 
-    def __exit__(self, *_error: object) -> None:
-        """Record no more."""
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.close()
-
-    @property
-    def received_s(self) -> float:
-        """Length of the recording so far, seconds."""
-        return self._n / self.rate_hz
-
     def received(self) -> NDArray[np.float64]:
         """Return the recorded sound, float64 (n,), -1 to 1.
 
@@ -93,23 +92,21 @@ class Microphone:
             )
         return np.concatenate(parts)
 
-    def _take(self, data: Any, n: int, _times: Any, status: Any) -> None:
+    def _take(self, data: Any, _n: int, _times: Any, status: Any) -> None:
         """Keep a block; called by the sound system's own thread."""
         with self._lock:
             self._lost += bool(status.input_overflow)
             self._parts.append(np.array(data[:, 0], np.float64))
-            self._n += n
             self._came_s = time.monotonic()
 
 
-class Speaker:
+class Speaker(_Sound):
     """Clicks with known times from the system's loudspeaker."""
 
     def __init__(self) -> None:
         self._wanted = threading.Event()
         self._done = threading.Event()
         self._at_s = 0.0
-        self._stream: Any = None
         self._latency_s = 0.0
 
     def __enter__(self) -> Self:
@@ -125,12 +122,6 @@ class Speaker:
             raise DeviceUnavailableError(f"no loudspeaker: {error}", "use --sync keys") from error
         self._latency_s = float(self._stream.latency)
         return self
-
-    def __exit__(self, *_error: object) -> None:
-        """Close it."""
-        stream, self._stream = self._stream, None
-        if stream is not None:
-            stream.close()
 
     def click(self) -> float:
         """Click once and return when it leaves the converter, seconds on the monotonic clock.
