@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -20,7 +21,6 @@ from tega.devices.base import (
     HarmlessDevice,
     InputSource,
     Options,
-    SkippingSource,
     SteeredHand,
     TactileSource,
     Tracker,
@@ -31,7 +31,6 @@ from tega.haptics import vest_frame
 from tega.setup.contract.devices import (
     check_arm,
     check_input,
-    check_skip,
     check_source,
     check_tracker,
     refuses,
@@ -40,8 +39,19 @@ from tega.setup.contract.devices import (
 from tega.wire import allegro_torque_frames
 
 
-def check_hand(hand: SteeredHand) -> None:
-    """Check a hand that closes its own loop."""
+class _Kind(NamedTuple):
+    """What a device of a kind is, what it cannot do while closed, and its check."""
+
+    protocol: Any
+    use: Callable[[Any], object]
+    check: Callable[[Any, int], None]
+
+
+def check_hand(hand: Any, _most_items: int) -> None:
+    """Check a hand that closes its own loop, or one that only takes frames."""
+    if not isinstance(hand, SteeredHand):
+        _check_frames_sent(hand)
+        return
     with hand:
         for level in (1, 2, 5):
             hand.step(level)
@@ -56,70 +66,57 @@ def check_hand(hand: SteeredHand) -> None:
         rule(all(0 <= f.id <= 0x7FF for f in hand.limp()), "limp gives the frames that were sent")
 
 
-def check_sink(sink: Any) -> None:
-    """Check a vest, or a hand that only takes frames."""
-    with sink:
-        if sink.info.kind == "vest":
-            frame = vest_frame([10, 20, 30, 40], [50, 60, 70, 80])
-            sent = sink.write(0, frame)
-            rule(sent.intensities.shape == frame.intensities.shape, "write returns the frame really sent")
-            rule(bool((sent.intensities <= frame.intensities).all()), "a limit only ever lowers an intensity")
-            sink.write(33_333_333, vest_frame([0] * 4, [0] * 4))
-        else:
-            frames = allegro_torque_frames(np.full(16, 0.01))
-            sent_frames = list(sink.write(0, frames))
-            rule(
-                [f.id for f in sent_frames] == [f.id for f in frames], "write returns the frames really sent"
-            )
-            sink.write(3_000_000, allegro_torque_frames(np.zeros(16)))
+def _check_frames_sent(hand: Any) -> None:
+    with hand:
+        frames = allegro_torque_frames(np.full(16, 0.01))
+        sent = list(hand.write(0, frames))
+        rule([f.id for f in sent] == [f.id for f in frames], "write returns the frames really sent")
+        hand.write(3_000_000, allegro_torque_frames(np.zeros(16)))
 
 
-_PROTOCOLS: dict[str, tuple[type, ...]] = {
-    "tactile": (TactileSource,),
-    "emg": (EmgSource,),
-    "vest": (VestSink,),
-    "hand": (HandDriver, SteeredHand),
-    "input": (InputSource,),
-    "tracker": (Tracker,),
-    "arm": (ArmDriver,),
+def check_vest(vest: VestSink, _most_items: int) -> None:
+    """Check a vest."""
+    with vest:
+        frame = vest_frame([10, 20, 30, 40], [50, 60, 70, 80])
+        sent = vest.write(0, frame)
+        rule(sent.intensities.shape == frame.intensities.shape, "write returns the frame really sent")
+        rule(bool((sent.intensities <= frame.intensities).all()), "a limit only ever lowers an intensity")
+        vest.write(33_333_333, vest_frame([0] * 4, [0] * 4))
+
+
+def _use_hand(hand: Any) -> None:
+    if isinstance(hand, SteeredHand):
+        hand.step(1)
+    else:
+        hand.write(0, allegro_torque_frames(np.zeros(16)))
+
+
+_KINDS = {
+    "tactile": _Kind(TactileSource, lambda camera: camera.read(0.0), check_source),
+    "emg": _Kind(EmgSource, lambda amplifier: amplifier.read(0.0), check_source),
+    "vest": _Kind(VestSink, lambda vest: vest.write(0, vest_frame([0] * 4, [0] * 4)), check_vest),
+    "hand": _Kind(HandDriver | SteeredHand, _use_hand, check_hand),
+    "input": _Kind(InputSource, lambda source: source.state(), check_input),
+    "tracker": _Kind(Tracker, lambda tracker: tracker.read(0), check_tracker),
+    "arm": _Kind(ArmDriver, lambda arm: arm.measured(), check_arm),
 }
 _POLL_S = 1.0
 
 
 def check_driver(driver: type[Device], options: Options, *, most_items: int = 64) -> None:
-    """Put a driver through the whole contract.
+    """Put a driver through the whole contract; an ``AssertionError`` names the rule that is broken.
 
-    Args:
-        driver: Its class.
-        options: Options under which it works here.
-        most_items: Number of items of a live source to check; a recording is read to its end.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
+    It works here under ``options``. Of a live source ``most_items`` are looked at; a recording is read to its end.
     """
     _check_description(driver, options)
     _check_discover(driver, options)
     _check_harmless(driver, options)
     _check_lifecycle(driver, options)
-    device: Any = driver(options)
-    if isinstance(device, TactileSource | EmgSource):
-        check_source(device, most_items)
-        if isinstance(device, SkippingSource):
-            check_skip(device)
-    elif isinstance(device, SteeredHand):
-        check_hand(device)
-    elif isinstance(device, InputSource):
-        check_input(device)
-    elif isinstance(device, Tracker):
-        check_tracker(device, most_items)
-    elif isinstance(device, ArmDriver):
-        check_arm(device)
-    else:
-        check_sink(device)
+    _KINDS[driver.kind].check(driver(options), most_items)
 
 
 def _check_description(driver: type[Device], options: Options) -> None:
-    rule(driver.kind in _PROTOCOLS, f"kind is one of {', '.join(_PROTOCOLS)}")
+    rule(driver.kind in _KINDS, f"kind is one of {', '.join(_KINDS)}")
     rule(bool(driver.summary) and "\n" not in driver.summary, "summary is one line")
     rule(issubclass(driver.options_type, Options), "options_type is a subclass of tega.devices.Options")
     rule(isinstance(options, driver.options_type), "the options given are of the driver's options_type")
@@ -162,34 +159,17 @@ def _check_harmless(driver: type[Device], options: Options) -> None:
 
 
 def _check_lifecycle(driver: type[Device], options: Options) -> None:
-    device = driver(options)
-    rule(isinstance(device, _PROTOCOLS[driver.kind]), f"meets the {driver.kind} protocol")
+    device, kind = driver(options), _KINDS[driver.kind]
+    rule(isinstance(device, kind.protocol), f"meets the {driver.kind} protocol")
     rule(isinstance(device.info, DeviceInfo), "info is readable while closed")
     rule(device.info.kind == driver.kind, "info.kind is the driver's kind")
     rule("/" not in device.info.label and "\\" not in device.info.label, "info.label is no path")
     device.close()
-    refuses(partial(_use, device), DeviceUnavailableError, "reading or writing while closed")
+    refuses(partial(kind.use, device), DeviceUnavailableError, "reading or writing while closed")
     with device as entered:
         rule(entered is device, "the context manager gives the device itself")
         rule(device.info.driver == driver(options).info.driver, "info.driver does not change by opening")
     device.close()
     device.close()
     with device:
-        _use(device)
-
-
-def _use(device: Any) -> None:
-    if isinstance(device, TactileSource | EmgSource):
-        device.read(0.0)
-    elif isinstance(device, VestSink) and device.info.kind == "vest":
-        device.write(0, vest_frame([0] * 4, [0] * 4))
-    elif isinstance(device, SteeredHand):
-        device.step(1)
-    elif isinstance(device, InputSource):
-        device.state()
-    elif device.info.kind == "tracker":
-        device.read(0)
-    elif isinstance(device, ArmDriver):
-        device.measured()
-    else:
-        device.write(0, allegro_torque_frames(np.zeros(16)))
+        kind.use(device)

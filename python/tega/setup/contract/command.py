@@ -23,8 +23,7 @@ from tega.stages.registry import GROUPS, find_stages, stage_class, stage_names
 def main(arguments: Sequence[str] | None = None) -> int:
     """Check drivers and stages by name and print a line for each.
 
-    Returns:
-        0; 1 if one broke a rule, 2 if one could not be tried.
+    Return 0; 1 if one broke a rule, 2 if one could not be tried.
     """
     parser = argparse.ArgumentParser(
         prog="python -m tega.setup.contract", description="Put drivers and stages through their contracts."

@@ -28,14 +28,9 @@ _FRAME_NS = 16_666_667
 
 
 def check_stage(stage: Any, options: Any = None) -> None:
-    """Put a stage through the contract of its kind.
+    """Put a stage through the contract of its kind; an ``AssertionError`` names the rule that is broken.
 
-    Args:
-        stage: A class of metric, decoder, mapping or reflex, or a layout.
-        options: Its options; ``None`` for its defaults.
-
-    Raises:
-        AssertionError: A rule is broken; the message names it.
+    ``stage`` is a class of metric, decoder, mapping or reflex, or a layout; ``options`` of ``None`` are its defaults.
     """
     if isinstance(stage, MotorLayout):
         check_layout(stage)
