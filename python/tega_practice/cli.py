@@ -9,6 +9,7 @@ import click
 
 from tega.ui.cli.options import (
     NAMES,
+    PATH,
     all_options,
     calibrated_person_option,
     echo_json,
@@ -19,7 +20,7 @@ from tega.ui.cli.options import (
 from tega.ui.cli.page import view_options
 
 _shown = partial(click.option, show_default=True)
-_settings = click.argument("settings", type=click.Path(path_type=Path), metavar="SETTINGS.toml")
+_settings = click.argument("settings", type=PATH, metavar="SETTINGS.toml")
 _seed = _shown("--seed", type=int, default=0, help="Seed of what is left to chance: curve or order.")
 _yes = click.option("--yes", is_flag=True, help="Begin without waiting for Enter.")
 _guided = all_options(_seed, _yes, sets_option, view_options, json_option)

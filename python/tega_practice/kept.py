@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from pathlib import Path
 from statistics import fmean, stdev
 from typing import ClassVar, Final, Literal, NamedTuple, TypeVar
@@ -12,7 +13,7 @@ import msgspec
 
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import CalibrationRecord, read_record, write_record
-from tega.errors import CalibrationError, InvalidValueError
+from tega.errors import CalibrationError
 from tega.runtime.lifecycle import scipy_stats
 from tega_learn.logs import PracticeRecord
 from tega_practice.fitts import FittsScore, Movement, fitts_score
@@ -36,40 +37,15 @@ class Interval(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def mean_interval(values: Sequence[float]) -> Interval:
-    """Return the mean of some values with its interval by t, n - 1 degrees of freedom.
+    """Return the mean of some values, one at least, with its interval by t, n - 1 degrees of freedom.
 
-    Raises:
-        InvalidValueError: There is no value.
-        MissingExtraError: SciPy is not installed.
-
-    Example:
-        >>> mean_interval([1.0, 2.0, 3.0]).mean
-        2.0
+    Raises ``MissingExtraError`` without SciPy.
     """
-    if not values:
-        raise InvalidValueError("an interval needs at least one value")
     if len(values) == 1:
         return Interval(mean=values[0], n=1)
     mean = fmean(values)
     reach = float(scipy_stats().t.ppf(0.975, len(values) - 1)) * stdev(values) / len(values) ** 0.5
     return Interval(mean=mean, low=mean - reach, high=mean + reach, n=len(values))
-
-
-def with_first(values: Mapping[str, Mapping[Hashable, float]]) -> dict[str, tuple[Interval, Interval | None]]:
-    """Return each name's mean over its units, and its difference from the first name over the units of both.
-
-    ``values`` has the value of each unit, by name; names without units are left out. The difference is
-    ``None`` for the first name, and without common units.
-    """
-    found = {}
-    first, reference = next(iter(values.items()), ("", {}))
-    for name, units in values.items():
-        if units:
-            both = [
-                value - reference[one] for one, value in units.items() if name != first and one in reference
-            ]
-            found[name] = mean_interval(list(units.values())), mean_interval(both) if both else None
-    return found
 
 
 _Kept = TypeVar("_Kept", bound=CalibrationRecord)
@@ -177,9 +153,7 @@ class VestSkillRecord(
     answers: tuple[tuple[str, str, str, int], ...]
 
     def scores(self) -> list[AspectScore]:
-        """Return the score of each aspect, in the order of their first questions; there must be an answer."""
-        if not self.answers:
-            raise CalibrationError("the record has no answer", "do the test again")
+        """Return the score of each aspect, in the order of their first questions."""
         aspects = dict.fromkeys(row[0] for row in self.answers)
         found = []
         for aspect in aspects:
@@ -240,54 +214,60 @@ def compare_kept(records: Sequence[FittsRecord], decoders: Sequence[str] = ()) -
     """
     if not records:
         raise CalibrationError("no Fitts test was kept", "tega-teleop emg fitts SETTINGS.toml --person ID")
+
+    def values(person: str | None, record: FittsRecord) -> list[tuple[Hashable, float]]:
+        score = record.score()
+        if person is None:
+            return [(record.person, score.throughput_bits_s)]
+        return [((one.distance, one.width), one.throughput_bits_s) for one in score.conditions]
+
     found = []
-    for person, tests in by_person(records, decoders):
-        scores = {name: [one.score() for one in some] for name, some in tests.items()}
-        means: dict[str, dict[Hashable, float]] = {}
-        for name, some in tests.items():
-            if person is None:
-                pairs = zip(some, scores[name], strict=True)
-                means[name] = _means((one.person, score.throughput_bits_s) for one, score in pairs)
-            else:
-                conditions = (one for score in scores[name] for one in score.conditions)
-                means[name] = _means(((c.distance, c.width), c.throughput_bits_s) for c in conditions)
-        for name, (throughput, difference) in with_first(means).items():
-            mine = scores[name]
-            efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
-            found.append(
-                DecoderSkill(
-                    decoder=name,
-                    person=person,
-                    tests=len(mine),
-                    unit="people" if person is None else "conditions",
-                    throughput_bits_s=throughput,
-                    completion=fmean(one.completion for one in mine),
-                    path_efficiency=fmean(efficient) if efficient else None,
-                    overshoots=fmean(one.overshoots for one in mine),
-                    difference_bits_s=difference,
-                )
+    for person, name, tests, throughput, difference in _compared(records, decoders, values):
+        mine = [one.score() for one in tests]
+        efficient = [one.path_efficiency for one in mine if one.path_efficiency is not None]
+        found.append(
+            DecoderSkill(
+                decoder=name,
+                person=person,
+                tests=len(mine),
+                unit="people" if person is None else "conditions",
+                throughput_bits_s=throughput,
+                completion=fmean(one.completion for one in mine),
+                path_efficiency=fmean(efficient) if efficient else None,
+                overshoots=fmean(one.overshoots for one in mine),
+                difference_bits_s=difference,
             )
+        )
     return found
 
 
-def _means(values: Iterable[tuple[Hashable, float]]) -> dict[Hashable, float]:
-    """Average the values of each unit."""
-    units: dict[Hashable, list[float]] = {}
-    for unit, value in values:
-        units.setdefault(unit, []).append(value)
-    return {unit: fmean(some) for unit, some in units.items()}
+def _compared(
+    records: Sequence[_Decoded],
+    decoders: Sequence[str],
+    values: Callable[[str | None, _Decoded], list[tuple[Hashable, float]]],
+) -> Iterator[tuple[str | None, str, list[_Decoded], Interval, Interval | None]]:
+    """Yield for each person and, of two or more, for all (``None``), each decoder with records.
 
-
-def by_person(
-    records: Sequence[_Decoded], decoders: Sequence[str]
-) -> Iterator[tuple[str | None, dict[str, list[_Decoded]]]]:
-    """Return each person's records by decoder, and, of two people or more, those of all (``None``)."""
-    names = list(decoders) or sorted({record.decoder for record in records})
+    Beside the records come the mean over their units, whose ``values`` each record has some of, and the
+    difference from the first decoder over the units of both: ``None`` for the first, and without common ones.
+    """
+    names = list(dict.fromkeys(decoders)) or sorted({record.decoder for record in records})
     people: list[str] = sorted({record.person for record in records})
-    groups: list[str | None] = [*people, None] if len(people) > 1 else [*people]
-    for person in groups:
-        mine = [record for record in records if person in {None, record.person}]
-        yield person, {name: [record for record in mine if record.decoder == name] for name in names}
+    for person in [*people, None] if len(people) > 1 else people:
+        reference: dict[Hashable, float] = {}
+        for name in names:
+            mine = [one for one in records if person in {None, one.person} and one.decoder == name]
+            units: defaultdict[Hashable, list[float]] = defaultdict(list)
+            for one in mine:
+                for unit, value in values(person, one):
+                    units[unit].append(value)
+            means = {unit: fmean(some) for unit, some in units.items()}
+            both = [value - reference[unit] for unit, value in means.items() if unit in reference]
+            if means:
+                difference = mean_interval(both) if both else None
+                yield person, name, mine, mean_interval(list(means.values())), difference
+            if name == names[0]:
+                reference = means
 
 
 class TrackingSkill(msgspec.Struct, frozen=True, kw_only=True):
@@ -316,24 +296,23 @@ def compare_tracked(records: Sequence[PracticeRecord], decoders: Sequence[str] =
     Records of earlier versions, without a decoder, are passed over. The decoders named are compared with the
     first of them; none named means all, by name.
     """
-    found = []
-    for person, practices in by_person([one for one in records if one.decoder], decoders):
-        units: dict[str, dict[Hashable, float]] = {}
-        for name, mine in practices.items():
-            if person is None:
-                units[name] = _means((one.person, one.rms_error_levels) for one in mine)
-            else:  # practices of two decoders are no pairs
-                units[name] = {(name, k): one.rms_error_levels for k, one in enumerate(mine)}
-        for name, (error, paired) in with_first(units).items():
-            found.append(
-                TrackingSkill(
-                    decoder=name,
-                    person=person,
-                    practices=len(practices[name]),
-                    unit="people" if person is None else "practices",
-                    rms_error_levels=error,
-                    in_target=fmean(one.in_target_percent for one in practices[name]) / 100,
-                    difference_levels=paired,
-                )
-            )
-    return found
+
+    def values(person: str | None, record: PracticeRecord) -> list[tuple[Hashable, float]]:
+        # Practices of two decoders are no pairs.
+        unit = record.person if person is None else (record.decoder, record.made)
+        return [(unit, record.rms_error_levels)]
+
+    return [
+        TrackingSkill(
+            decoder=name,
+            person=person,
+            practices=len(practices),
+            unit="people" if person is None else "practices",
+            rms_error_levels=error,
+            in_target=fmean(one.in_target_percent for one in practices) / 100,
+            difference_levels=paired,
+        )
+        for person, name, practices, error, paired in _compared(
+            [one for one in records if one.decoder], decoders, values
+        )
+    ]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import random
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,8 +17,6 @@ from tega_practice.fitts import CONDITIONS, FittsScore, Movement, fitts_score
 from tega_practice.kept import FittsRecord, keep_record, movement_row
 from tega_practice.tracking import MuscleLoop
 
-DWELL_S: Final = 1.0
-TIMEOUT_S: Final = 10.0
 _ROUNDING: Final = 1e-9
 
 
@@ -56,10 +53,8 @@ class FittsMovement(NamedTuple):
     counts: bool
 
 
-def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
+def fitts_plan(seed: int, *, movements: int) -> list[FittsMovement]:
     """Return the movements of a test: each condition to and fro, the conditions in an order of chance."""
-    if movements < 1:
-        raise InvalidValueError(f"movements = {movements} of a condition has to be at least 1")
     return [
         FittsMovement(Target(high if n % 2 else low, width), high - low, counts=n > 0)
         for low, high, width in random.Random(seed).sample(list(CONDITIONS), len(CONDITIONS))
@@ -70,9 +65,7 @@ def fitts_plan(seed: int, *, movements: int = 6) -> list[FittsMovement]:
 class FittsCourse:
     """A test that goes on; ``movements`` are those that were made so far and count, oldest first."""
 
-    def __init__(
-        self, requested: Sequence[FittsMovement], *, dwell_s: float = DWELL_S, timeout_s: float = TIMEOUT_S
-    ) -> None:
+    def __init__(self, requested: Sequence[FittsMovement], *, dwell_s: float, timeout_s: float) -> None:
         if not 0 < dwell_s < timeout_s:
             raise InvalidValueError(
                 f"dwell_s = {dwell_s:g} s has to be above 0 and under timeout_s = {timeout_s:g} s"
@@ -97,65 +90,47 @@ class FittsCourse:
         """Whether the cursor is in it."""
         return self._entry is not None
 
-    @property
-    def left(self) -> int:
-        """Movements still to be made."""
-        return len(self._requested) - self._n
-
     def take(self, t_s: float, closure: float) -> None:
         """Take the cursor's next place; its time must be after the last one's, the closure 0 to 1."""
-        if not 0 <= closure <= 1 or not math.isfinite(t_s):
-            raise InvalidValueError(f"closure = {closure:g} at {t_s:g} s is not within 0 to 1")
-        if self._last is not None and t_s <= self._last[0]:
-            raise InvalidValueError(f"t_s = {t_s:g} s is not after {self._last[0]:g} s")
         if self.target is None:
             return
         if self._last is None:
-            self._begin(t_s, closure)
+            self._began = (t_s, closure)
         else:
             self._path += abs(closure - self._last[1])
         self._last = (t_s, closure)
-        self._check(t_s, closure)
-
-    def _begin(self, t_s: float, closure: float) -> None:
-        self._began, self._path, self._overshoots = (t_s, closure), 0.0, 0
-        self._entry = None
-
-    def _check(self, t_s: float, closure: float) -> None:
-        target = self._requested[self._n].target
-        if target.holds(closure):
+        if self.target.holds(closure):
             if self._entry is None:
                 self._entry = (t_s, closure, self._path)
             if t_s - self._entry[0] >= self._dwell_s - _ROUNDING:
-                self._end(t_s, closure, self._entry, closure)
+                self._end(self._entry, closure)
                 return
         elif self._entry is not None:
             self._entry = None
             self._overshoots += 1
         if t_s - self._began[0] >= self._timeout_s - _ROUNDING:
-            self._end(t_s, closure, (self._began[0] + self._timeout_s, closure, self._path), None)
+            self._end((self._began[0] + self._timeout_s, closure, self._path), None)
 
-    def _end(
-        self, t_s: float, closure: float, entry: tuple[float, float, float], endpoint: float | None
-    ) -> None:
-        requested = self._requested[self._n]
+    def _end(self, entry: tuple[float, float, float], endpoint: float | None) -> None:
+        """Note the movement, if it counts; the next one begins where the cursor is."""
+        requested, (began_s, start) = self._requested[self._n], self._began
         if requested.counts:
             self.movements.append(
                 Movement(
                     distance=requested.distance,
                     width=requested.target.width,
                     centre=requested.target.centre,
-                    start=self._began[1],
+                    start=start,
                     entry=entry[1],
                     endpoint=endpoint,
-                    time_s=entry[0] - self._began[0],
+                    time_s=entry[0] - began_s,
                     path=entry[2],
                     overshoots=self._overshoots,
-                    inside_at_start=requested.target.holds(self._began[1]),
+                    inside_at_start=requested.target.holds(start),
                 )
             )
         self._n += 1
-        self._begin(t_s, closure)
+        self._began, self._path, self._overshoots, self._entry = self._last or self._began, 0.0, 0, None
 
 
 LEVEL_STEP: Final = 0.25

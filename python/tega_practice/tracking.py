@@ -23,7 +23,7 @@ from tega.config.choose import block_s, decoder_choice, muscle_decoder
 from tega.config.person import PersonRecords, whose
 from tega.devices.base import EmgChunk
 from tega.devices.registry import driver_class
-from tega.errors import CalibrationError, ConfigError, InvalidValueError
+from tega.errors import ConfigError, InvalidValueError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.loop.maxima import emg_conditions
 from tega.records import Intent
@@ -45,8 +45,6 @@ class Curve:
     """
 
     def __init__(self, duration_s: float, *, seed: int) -> None:
-        if duration_s < 10:
-            raise InvalidValueError(f"duration {duration_s:g} s is too short: 10 s at least")
         chance = random.Random(seed)
         self.duration_s = duration_s
         times, levels = [0.0, _HOLD_S], [1.0, 1.0]
@@ -162,8 +160,7 @@ class MuscleLoop:
             records = PersonRecords(config, settings=self._settings, now=utc_now())
             personal = records.calibration({}, source, conditions)
             maxima = personal.calibration.emg
-            if maxima is None:
-                raise CalibrationError(f"{personal.name}: has no EMG maxima", "calibrate")
+            assert maxima is not None
             self.maxima = maxima
             self._decoder = muscle_decoder(config.stages, config.session.preset, maxima)
             self.driver, self.device = source.info.driver, device_name(source.info)

@@ -17,7 +17,6 @@ from tega.config.calibration.records import utc_now
 from tega.config.choose import chosen_stage
 from tega.config.person import whose
 from tega.devices.base import VestSink
-from tega.errors import InvalidValueError
 from tega.runtime.clock import Clock
 from tega.runtime.guide import Bar, Guide
 from tega_practice.kept import VestSkillRecord, keep_record
@@ -43,10 +42,6 @@ class TwoDownOneUp:
     """
 
     def __init__(self, *, start: float, least: float, most: float) -> None:
-        if not 0 < least <= start <= most:
-            raise InvalidValueError(
-                f"start = {start:g} is not within least = {least:g} (above 0) and most = {most:g}"
-            )
         self._least, self._most = least, most
         self._turns: list[float] = []
         self._harder = True
@@ -72,8 +67,6 @@ class TwoDownOneUp:
 
     def answer(self, *, right: bool) -> None:
         """Take the answer to the question about ``difference``; not after the end."""
-        if self.ended:
-            raise InvalidValueError("the staircase has ended: there is no question to answer")
         self.n_asked += 1
         self._n_right = self._n_right + 1 if right else 0
         if right and self._n_right < 2:

@@ -31,7 +31,6 @@ MADE = datetime(2026, 11, 23, 12, 0, 0, tzinfo=UTC)
 
 
 def made(person: str, decoder: str, minutes: int) -> dict[str, Any]:
-    """Return what records of a test and of a practice have in common."""
     usual = {"device": "bench", "driver": "ascii-emg", "preset": "live", "seed": 0}
     return {"person": person, "decoder": decoder, "made": MADE + timedelta(minutes=minutes), **usual}
 
@@ -56,22 +55,26 @@ def result(person: str, decoder: str, time_s: float, *, minutes: int = 0) -> Fit
     )
 
 
-def test_a_result_is_kept_whole(tmp_path: Path) -> None:
+def test_a_result_is_kept_whole_and_a_damaged_one_refused(tmp_path: Path) -> None:
+    folder = CalibrationFolder(tmp_path)
+    with pytest.raises(CalibrationError, match="no Fitts test was kept"):
+        compare_kept(kept_records(FittsRecord, folder))
     record = result("p01", "learned", 1.0)
-    path = keep_record(record, CalibrationFolder(tmp_path))
+    path = keep_record(record, folder)
     assert path == tmp_path / "people/p01/fitts/20261123-120000.toml"
     assert read_record(path, FittsRecord) == record
     assert read_record(path, FittsRecord).score() == record.score()
     assert record.score().completion == pytest.approx(2 / 3)
+    path.write_text(path.read_text(encoding="utf-8").replace("0.25, 0.2,", "0.25,", 1), encoding="utf-8")
+    with pytest.raises(TegaError, match="is not 10 numbers"):
+        compare_kept(kept_records(FittsRecord, folder))
 
 
 def test_decoders_are_compared_within_people_and_over_them(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
-    minutes = 0
-    for person, slower in (("p01", 1.0), ("p02", 1.3)):
-        for decoder, time_s in (("rules", 2.0), ("learned", 1.0)):
-            keep_record(result(person, decoder, slower * time_s, minutes=minutes), folder)
-            minutes += 1
+    tests = (("p01", "rules", 2.0), ("p01", "learned", 1.0), ("p02", "rules", 2.6), ("p02", "learned", 1.3))
+    for minutes, test in enumerate(tests):
+        keep_record(result(*test, minutes=minutes), folder)
     found = compare_kept(kept_records(FittsRecord, folder), ["rules", "learned"])
     units = [("p01", "conditions"), ("p02", "conditions"), (None, "people")]
     rows = [(person, decoder, unit) for person, unit in units for decoder in ("rules", "learned")]
@@ -91,17 +94,11 @@ def practice(person: str, decoder: str, error: float, *, minutes: int) -> Practi
 
 def test_practices_are_compared_by_decoder_within_people_and_over_them(tmp_path: Path) -> None:
     folder = CalibrationFolder(tmp_path)
-    for n, (person, decoder, error) in enumerate(
-        (
-            ("p01", "rules", 1.0),
-            ("p01", "rules", 1.2),
-            ("p01", "learned", 0.5),
-            ("p02", "rules", 0.9),
-            ("p02", "learned", 0.6),
-            ("p02", "", 3.0),  # of a version that did not say with which
-        )
-    ):
-        keep_record(practice(person, decoder, error, minutes=n), folder)
+    of_p01 = (("p01", "rules", 1.0), ("p01", "rules", 1.2), ("p01", "learned", 0.5))
+    # The last one is of a version that did not say with which decoder.
+    of_p02 = (("p02", "rules", 0.9), ("p02", "learned", 0.6), ("p02", "", 3.0))
+    for n, one in enumerate(of_p01 + of_p02):
+        keep_record(practice(*one, minutes=n), folder)
     found = compare_tracked(kept_records(PracticeRecord, folder), ["rules", "learned"])
     assert [(one.person, one.decoder, one.practices, one.unit) for one in found] == [
         ("p01", "rules", 2, "practices"),
@@ -130,16 +127,6 @@ def test_the_verb_compares_tests_and_practices(tmp_path: Path, capsys: pytest.Ca
     text, _ = call(capsys, *words)
     assert "Fitts tests" in text
     assert "Practice" in text
-
-
-def test_what_is_not_there_or_damaged_is_refused(tmp_path: Path) -> None:
-    folder = CalibrationFolder(tmp_path)
-    with pytest.raises(CalibrationError, match="no Fitts test was kept"):
-        compare_kept(kept_records(FittsRecord, folder))
-    path = keep_record(result("p01", "rules", 1.0), folder)
-    path.write_text(path.read_text(encoding="utf-8").replace("0.25, 0.2,", "0.25,", 1), encoding="utf-8")
-    with pytest.raises(TegaError, match="is not 10 numbers"):
-        compare_kept(kept_records(FittsRecord, folder))
 
 
 def test_an_interval_by_hand() -> None:

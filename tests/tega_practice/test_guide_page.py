@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any
 
 import pytest
 
@@ -16,15 +14,10 @@ from tega.ui.cli.guide_page import PageGuide
 from tega_practice.live import Target, _bars
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with launched() as browser:
-        yield browser
-
-
 @pytest.mark.slow
-def test_a_page_asks_shows_bars_and_tells(browser: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_page_asks_shows_bars_and_tells(capsys: pytest.CaptureFixture[str]) -> None:
     with (
+        launched() as browser,
         ThreadPoolExecutor(1) as person,
         PageGuide("TEGA Fitts test of p01", yes=False, get_ready_s=0.0) as guide,
         opened(browser, guide.url) as page,

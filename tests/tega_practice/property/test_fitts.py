@@ -1,4 +1,4 @@
-"""The Fitts test's own arithmetic: cases by hand, and what has to hold for any course of the cursor."""
+"""A Fitts test's arithmetic: cases by hand, what has to hold for any course of the cursor; a practice's score."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from tega.errors import InvalidValueError
 from tega_practice.fitts import CONDITIONS, FittsCondition, Movement, fitts_score, index_of_difficulty
 from tega_practice.live import FittsCourse, FittsMovement, Target, fitts_plan
+from tega_practice.tracking import Curve, score
 
 
 def moved(start: float, end: float | None, **more: Any) -> Movement:
@@ -61,16 +62,13 @@ def test_time_that_brought_nothing_counts_as_time() -> None:
     assert late.throughput_bits_s == pytest.approx(whole.throughput_bits_s * 2 / 12)
     assert late.movement_time_s == 1.0
     assert (late.completed, late.movements) == (2, 3)
-
-
-def test_one_end_has_no_scatter_and_carries_nothing() -> None:
+    # One end has no scatter, and carries nothing.
     found = only([moved(0.25, 0.75), moved(0.25, None, time_s=10.0)])
-    assert found.throughput_bits_s == 0.0
-    assert found.effective_width is None
+    assert (found.throughput_bits_s, found.effective_width) == (0.0, None)
 
 
 def test_the_whole_score_by_hand() -> None:
-    score = fitts_score(
+    whole = fitts_score(
         [
             moved(0.25, 0.71, path=0.92, overshoots=2),
             moved(0.25, 0.79),
@@ -79,14 +77,9 @@ def test_the_whole_score_by_hand() -> None:
         ],
         cursor_step=0.0,
     )
-    assert score.completion == 0.75
-    assert score.overshoots == 0.75
-    assert score.path_efficiency == pytest.approx((0.5 + 1 + 1) / 3)
-    assert score.throughput_bits_s == pytest.approx(score.conditions[1].throughput_bits_s / 2)
-    assert score.movements == 4
-
-
-def test_nothing_to_score_is_refused() -> None:
+    assert (whole.completion, whole.overshoots, whole.movements) == (0.75, 0.75, 4)
+    assert whole.path_efficiency == pytest.approx((0.5 + 1 + 1) / 3)
+    assert whole.throughput_bits_s == pytest.approx(whole.conditions[1].throughput_bits_s / 2)
     with pytest.raises(InvalidValueError, match="no movement that counts"):
         fitts_score([moved(0.7, 0.75)._replace(inside_at_start=True)], cursor_step=0.01)
 
@@ -129,10 +122,10 @@ def test_any_course_of_the_cursor_gives_figures_within_their_ranges(cursor: list
         assert one.endpoint is None or abs(one.endpoint - one.centre) <= one.width / 2 + 1e-9
         assert one.overshoots >= 0
     if any(not one.inside_at_start for one in course.movements):
-        score = fitts_score(course.movements, cursor_step=0.01)
-        assert 0 <= score.completion <= 1
-        assert score.path_efficiency is None or 0 <= score.path_efficiency <= 1 + 1e-9
-        assert 0 <= score.throughput_bits_s < math.inf
+        found = fitts_score(course.movements, cursor_step=0.01)
+        assert 0 <= found.completion <= 1
+        assert found.path_efficiency is None or 0 <= found.path_efficiency <= 1 + 1e-9
+        assert 0 <= found.throughput_bits_s < math.inf
 
 
 def test_a_target_is_hit_by_dwelling_in_it() -> None:
@@ -167,10 +160,18 @@ def test_a_plan_asks_each_condition_as_often(seed: int, movements: int) -> None:
     assert plan == fitts_plan(seed, movements=movements)
 
 
-def test_a_course_refuses_what_is_no_cursor() -> None:
-    course = FittsCourse(fitts_plan(0, movements=1))
-    course.take(1.0, 0.0)
-    with pytest.raises(InvalidValueError, match="not after"):
-        course.take(1.0, 0.0)
-    with pytest.raises(InvalidValueError, match="closure = nan"):
-        course.take(2.0, math.nan)
+@given(st.floats(10, 40), st.integers(0, 1000), st.integers(0, 9))
+def test_a_perfect_follower_scores_full_and_a_late_one_is_as_late_as_they_were(
+    duration_s: float, seed: int, late: int
+) -> None:
+    curve = Curve(duration_s, seed=seed)
+    t_s = [k / 10 for k in range(int(duration_s * 10))]
+    requested = [curve.at(t) for t in t_s]
+    assert 1 <= min(requested) <= max(requested) <= 5
+    on_time = score(t_s, [round(a) for a in requested], curve)
+    assert on_time.in_target == 1.0
+    assert on_time.rms_error_levels < 0.5
+    delayed = score(t_s, [round(curve.at(t - late / 10)) for t in t_s], curve)
+    assert delayed.delay_s is not None
+    assert abs(delayed.delay_s - late / 10) <= 0.1001
+    assert score(t_s, [1] * len(t_s), curve).delay_s is None
