@@ -17,7 +17,7 @@ import pytest
 from reference.command import call
 from reference.processes import until
 from tega.config import SessionConfig, check_tree, load_config
-from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, report_text, write_report
+from tega_bench.acceptance.report import STEPS, AcceptanceGuide, AcceptanceReport, report_text
 from tega_bench.acceptance.run import accept_device, acceptance_case
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.lab import EmulatedLab, emulated_lab
@@ -79,13 +79,11 @@ def statuses(steps: dict[str, Any]) -> set[str]:
 
 @contextmanager
 def arm_lab(folder: Path, driver: Any = True) -> Iterator[tuple[EmulatedLab, SessionConfig]]:
-    """Stand an arm and what leads it ready."""
     with emulated_lab(folder, vest=False, fingers=(), arm=driver) as lab:
         yield lab, check_tree(lab.tree, {}, base=folder).config
 
 
 def press_when(lab: EmulatedLab, text: str) -> None:
-    """Hold dead-man and clutch while that is asked for."""
     word = "lift" if text.startswith("Let go") else "press" if text.startswith("hold the dead-man") else ""
     for button in (0, 1) if word else ():
         lab.cap.say(f"{word} {button}")
@@ -173,11 +171,6 @@ def test_a_device_that_is_not_there_fails_at_once(bench: EmulatedBench, settings
     assert "pair it" in step.todo
 
 
-def after(seconds: float, do: Callable[[], object]) -> None:
-    """Do something a little later, while the program watches."""
-    threading.Timer(seconds, do).start()
-
-
 def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
     with arm_lab(tmp_path) as (lab, config):
         headset = lab.headset
@@ -185,7 +178,7 @@ def test_a_tracker_is_accepted_by_hand(tmp_path: Path) -> None:
 
         def act(text: str) -> None:
             if text.startswith("Move the forearm"):
-                after(1.0, lambda: headset.say("at 0 1.2 -0.1"))
+                threading.Timer(1.0, headset.say, ["at 0 1.2 -0.1"]).start()
             if "out of the tracker" in text:
                 headset.say("lose")
             if text.startswith("Bring it back"):
@@ -210,7 +203,7 @@ def test_a_switch_is_accepted_by_hand_and_one_that_is_held_by_itself_fails(tmp_p
 
         def act(text: str) -> None:
             if text.startswith("Press and let go"):
-                after(1.0, press)
+                threading.Timer(1.0, press).start()
 
         steps = accepted(config, "dead_man", Person("yes", act=act))
         assert statuses(steps) <= {"passed", "look"}, steps
@@ -260,31 +253,34 @@ def test_nobody_at_the_dead_man_moves_no_arm(tmp_path: Path, monkeypatch: pytest
     assert steps["stop"].status == "look"
 
 
-def test_the_report_is_written_twice_and_tells_no_key(settings: Path, tmp_path: Path) -> None:
-    config = load_config(settings, sets=('vest.options.app_id="secret"',), environ={}).config
-    report = accept_device(config, acceptance_case(config, "vest"), Person("", yes=False), answered=False)
-    data, words = write_report(report, tmp_path / "reports")
-    again = json.loads(data.read_text(encoding="utf-8"))
-    assert (again["format"], again["version"], again["passed"]) == ("tega-acceptance", 1, report.passed)
-    assert msgspec.convert(again, AcceptanceReport) == report
-    message = words.read_text(encoding="utf-8")
-    assert message == report_text(report)
-    assert "no person was asked" in message
-    assert "To send back:" in message
-    assert "secret" not in message + data.read_text(encoding="utf-8")
-    assert str(tmp_path) not in message
-
-
-def test_the_verb(settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ("acceptance", settings, "vest", "--out", tmp_path / "out", "--yes")
-    out, err = call(capsys, *words, "--json", code=0)
+def test_the_verb_writes_the_report_twice_and_tells_no_key(
+    settings: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = (
+        "acceptance",
+        settings,
+        "vest",
+        "--set",
+        'vest.options.app_id="secret"',
+        "--out",
+        tmp_path / "out",
+    )
+    out, err = call(capsys, *words, "--yes", "--json", code=0)
+    assert "(not asked)" in err
     message = json.loads(out)
     assert message["passed"] is True
     assert [s["name"] for s in message["steps"]] == list(STEPS)
-    assert Path(message["report"]).is_file()
-    assert Path(message["text"]).is_file()
-    assert "(not asked)" in err
-    _, err = call(capsys, "acceptance", settings, "vest", code=2)
+    again = json.loads(Path(message["report"]).read_text(encoding="utf-8"))
+    assert (again["format"], again["version"], again["passed"]) == ("tega-acceptance", 1, True)
+    report = msgspec.convert(again, AcceptanceReport)
+    text = Path(message["text"]).read_text(encoding="utf-8")
+    assert text == report_text(report)
+    assert "no person was asked" in text
+    assert "To send back:" in text
+    for file in (tmp_path / "out").iterdir():
+        assert "secret" not in file.read_text(encoding="utf-8")
+        assert str(tmp_path) not in file.read_text(encoding="utf-8")
+    _, err = call(capsys, *words, code=2)
     assert "asks a person" in err
     _, err = call(capsys, "acceptance", settings, "foot", "--yes", code=1)
     assert "the settings name no device 'foot'" in err

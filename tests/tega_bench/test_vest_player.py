@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 import traceback
@@ -28,18 +29,14 @@ pytestmark = [
 ]
 
 
-def test_a_host_that_is_no_address_is_told() -> None:
-    with pytest.raises(DeviceUnavailableError, match=r"host '\[::1' is no address.*set vest\.options host"):
-        make("bhaptics-player", host="[::1").open()
-
-
-def test_an_address_that_cannot_be_read_does_not_tell_the_key(tmp_path: Path) -> None:
+def test_an_address_that_cannot_be_read_is_told_and_never_the_key(tmp_path: Path) -> None:
     (tmp_path / "key").write_text("s3cr3t-key")
     options = {"version": "3", "app_id": "a", "api_key_file": tmp_path / "key", "allow_remote": True}
-    for host in ("", "#"):
-        with pytest.raises(DeviceUnavailableError, match=f"host '{host}' is no address") as found:
-            make("bhaptics-player", host=host, **options).open()
+    for host, more in (("[::1", {}), ("", options), ("#", options)):
+        with pytest.raises(DeviceUnavailableError, match=rf"host '{re.escape(host)}' is no address") as found:
+            make("bhaptics-player", host=host, **more).open()
         message = "".join(traceback.format_exception(found.value))
+        assert "set vest.options host" in message
         assert "s3cr3t-key" not in message
         assert "wss:" not in message
 
@@ -54,43 +51,21 @@ def test_another_machine_is_asked_only_where_the_settings_say_so(host: str, tmp_
         make("bhaptics-player", host=host, allow_remote=True, **options).open()
 
 
-def test_garbage_from_the_player_is_counted_and_the_touch_goes_on() -> None:
+def test_garbage_is_counted_and_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
     with bench("bhaptics-player") as made, made.vest as vest:
         made.peer.say("garbage")
         made.feed(lambda: any("could not be read and were ignored" in n for n in vest.info.notes))
         made.feed(lambda: made.shows(OTHER), OTHER)
         assert vest.counters.lost == 0
-
-
-def test_a_vest_that_leaves_the_player_is_not_reported_as_felt() -> None:
-    with bench("bhaptics-player") as made, made.vest as vest:
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
         made.peer.say("no-vest")
         made.feed(lambda: not vest.write(0, TOUCH).intensities.any())
-        assert "has no vest connected" in vest.info.notes[0]
+        assert any("has no vest connected" in note for note in vest.info.notes)
         made.peer.say("clear")
         made.feed(lambda: vest.write(0, TOUCH) == TOUCH)
 
 
 V3 = {"version": "3", "open_timeout_s": 4.0}
-
-
-OPENING_V3 = [
-    ("refuse", "answers HTTP 503 instead of serving /v3/feedback"),
-    ("wrong-version", "answers HTTP 404 instead of serving /v3/feedback.*developer portal"),
-    ("no-vest", "has no vest connected"),
-    ("no-entry", "has not let this program in within 2 s; are app_id and the key"),
-    ("freeze", "cannot be reached: timed out"),
-]
-
-
-@pytest.mark.parametrize(("fault", "message"), OPENING_V3)
-def test_opening_version_3_says_what_is_wrong_and_never_the_key(fault: str, message: str) -> None:
-    with bench("bhaptics-player", **V3) as made:
-        made.peer.say(fault)
-        with pytest.raises(DeviceUnavailableError, match=message) as reported:
-            made.vest.open()
-        assert "not-a-real-key" not in str(reported.value)
 
 
 def test_version_3_tells_name_link_and_battery_of_the_vest() -> None:
@@ -130,15 +105,6 @@ def test_auto_asks_for_version_3_first_and_takes_what_answers(fault: str) -> Non
             assert vest.condition.startswith(words if newer else older)
             assert any("version 3 did not answer" in n for n in vest.info.notes) != newer
         assert seen_by(made.peer).motors == SILENT
-
-
-def test_auto_without_a_player_says_what_both_versions_said(tmp_path: Path) -> None:
-    (tmp_path / "key").write_text("k")
-    vest = make("bhaptics-player", port=9, port_v3=9, app_id="a", api_key_file=tmp_path / "key")
-    with pytest.raises(
-        DeviceUnavailableError, match=r"cannot be reached: .*; version 3: .*cannot be reached"
-    ):
-        vest.open()
 
 
 KEYS = [
@@ -220,7 +186,6 @@ def test_a_bug_in_a_link_silences_the_vest_and_is_told() -> None:
         assert seen_by(careless.peer).motors == SILENT
 
 
-@pytest.mark.slow
 def test_an_encrypted_player_answers_every_opening() -> None:
     """Where one thread reads a TLS connection and another writes it, two in a hundred are never answered."""
     with bench("bhaptics-player", **V3) as made:

@@ -20,13 +20,7 @@ from tega.runtime.files.toml_text import tree_text
 
 
 def config_text(config: SessionConfig) -> str:
-    """Write settings as TOML that can be run again, every value that is not unset; paths stay absolute.
-
-    Example:
-        >>> from tega.config import SessionConfig
-        >>> print(config_text(SessionConfig()).splitlines()[0])
-        [session]
-    """
+    """Write settings as TOML that can be run again, every value that is not unset; paths stay absolute."""
     tree = msgspec.to_builtins(config, enc_hook=_plain)
     guests = tree.pop("guests")
     return tree_text({**tree, **guests})

@@ -124,7 +124,8 @@ def explain(
         key = f"{key}[{index}]" if index else f"{key}.{name}".lstrip(".")
         value = _value_at(value, name, index)
     if "`key` in `" in str(error):
-        return ConfigError(f"{_origin(origins, key)}: {key}: {name!r} is no name here", _names(named_by))
+        hint = next((meta.description or "" for meta in getattr(named_by, "__metadata__", ())), "")
+        return ConfigError(f"{_origin(origins, key)}: {key}: {name!r} is no name here", hint)
     if (unknown := re.match(r"Object contains unknown field `(.*)`", subject)) is not None:
         name = unknown.group(1)
         full = f"{key}.{name}".lstrip(".")
@@ -234,11 +235,6 @@ def _choices(kind: Any) -> str:
         c for member in _members(kind) if typing.get_origin(member) is typing.Literal for c in member.__args__
     ]
     return f"one of: {', '.join(map(str, options))}" if options else ""
-
-
-def _names(kind: Any) -> str:
-    """Return the names that a table's type allows, in words."""
-    return next((meta.description or "" for meta in getattr(kind, "__metadata__", ())), "")
 
 
 def _members(kind: Any) -> list[Any]:

@@ -34,14 +34,10 @@ from tega.stages.registry import stage_class
 
 
 def value_lines(text: str) -> dict[str, int]:
-    r"""Return the line, from 1, on which the statement of each value begins.
+    """Return the line, from 1, on which the statement of each value begins.
 
     The parser itself cuts the text into statements: lines are added until they parse. A table of an array has
     its number in the key, as in ``stages.beside[0].name``.
-
-    Example:
-        >>> value_lines("[emg]\nkind = 'raw'\noptions = { port = 'COM3' }")
-        {'emg.kind': 2, 'emg.options.port': 3}
     """
     lines: dict[str, int] = {}
     table, waiting, first = "", "", 0

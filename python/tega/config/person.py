@@ -1,10 +1,11 @@
-"""Apply a person's calibration to a run: the used records, the refused ones, and the warnings."""
+"""Apply calibrations to a run: a person's used records, the refused ones and the warnings; a vest's motor onset."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import datetime, timedelta
-from typing import Any, NamedTuple
+from statistics import median
+from typing import Any, Final, NamedTuple
 
 import msgspec
 
@@ -102,7 +103,11 @@ class PersonRecords:
             maxima = kept.live_max if self._live else kept.paper_max
             muscles = msgspec.structs.replace(conditions, maxima=maxima)
             warnings += self.emg_warnings(kept)
-        warnings += [*self.vest_warnings(), *self._arm_warnings()]
+        warnings += self.vest_warnings()
+        tracker = tracker_info(config)
+        arm = None if tracker is None else self.folder.record(self.person, ArmRecord, device_name(tracker))
+        if arm is not None:  # a headset that was restarted may define forward differently
+            warnings += self._old("arm: forward", arm.made, _HEADING_OLD_H, self.command("arm"))
         name = f"calibration of {self.person}"
         calibration = Calibration(preset=config.session.preset, origin=name, tactile=fingers, emg=muscles)
         return Personal(calibration, name, tuple(warnings))
@@ -194,16 +199,6 @@ class PersonRecords:
             warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
         return warnings + [f"vest: {note}" for note in record.notes]
 
-    def _arm_warnings(self) -> list[str]:
-        """Warn if a heading is old: a headset that was restarted may define forward differently."""
-        info = tracker_info(self._config)
-        record = None if info is None else self.folder.record(self.person, ArmRecord, device_name(info))
-        return (
-            []
-            if record is None
-            else self._old("arm: forward", record.made, _HEADING_OLD_H, self.command("arm"))
-        )
-
     def _old(self, subject: str, made: datetime, limit_h: float, command: str) -> list[str]:
         hours = (self._now - made) / timedelta(hours=1)
         if hours <= limit_h:
@@ -232,3 +227,53 @@ def closed_info(section: Any, kind: Kind) -> DeviceInfo | None:
     except TegaError:  # it needs to be opened, or a package is missing; the run will say so
         return None
     return info
+
+
+ONSET_STAGE: Final = "motor onset"
+"""How the stage's name begins in a recording; the day it was measured follows."""
+
+
+class MotorOnset(NamedTuple):
+    """Measured time from the hand-over of a frame to a vest's first vibration.
+
+    ``made`` is the day of the oldest of these measurements, such as ``2026-11-21``; ``uncertainty_ms`` is how
+    far it may be off, by the clock of the recordings.
+    """
+
+    ms: float
+    device: str
+    motors: tuple[int, ...]
+    made: str
+    uncertainty_ms: float
+
+    @property
+    def stage(self) -> str:
+        """Name of the onset in a table of stages."""
+        return f"{ONSET_STAGE}, measured {self.made}"
+
+    @property
+    def words(self) -> str:
+        """The onset in one line of words."""
+        which = "motor" if len(self.motors) == 1 else "motors"
+        return (
+            f"{self.stage}: {self.ms:.0f} ms ± {self.uncertainty_ms:.0f} "
+            f"({which} {', '.join(map(str, self.motors))} of {self.device}); in the stage 'skin'"
+        )
+
+
+def motor_onset(config: SessionConfig) -> MotorOnset | None:
+    """Return the measured onset of the settings' vest, from ``calibration.folder``; ``None`` for none."""
+    vest, folder = config.vest, config.calibration.folder
+    if vest.driver is None or folder is None:
+        return None
+    info = closed_info(vest, "vest")
+    records = [] if info is None else CalibrationFolder(folder).onsets(device_name(info))
+    if not records:
+        return None
+    return MotorOnset(
+        ms=median(record.onset_ms for record in records),
+        device=records[0].device,
+        motors=tuple(record.motor for record in records),
+        made=f"{min(record.made for record in records):%Y-%m-%d}",
+        uncertainty_ms=max(record.clock_uncertainty_ms for record in records),
+    )

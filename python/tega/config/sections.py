@@ -251,11 +251,7 @@ class ArmConfig(Section, frozen=True):
 
     @property
     def start(self) -> Pose | None:
-        """Where the hand goes between trials; ``None`` where it stays where it is.
-
-        Raises:
-            ConfigError: It is no pose, or lies outside of the workspace.
-        """
+        """Where the hand goes between trials, if anywhere; ``ConfigError`` for no pose or one outside the workspace."""
         import math
 
         import numpy as np

@@ -35,7 +35,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any, Final
 
-from tega.config.motor_onset import MotorOnset
+from tega.config.person import MotorOnset
 from tega.devices.base import StampingVest
 from tega.loop.inbox.histogram import LEAST_SAMPLES, Histogram
 from tega.loop.joint_motion import JointMotion

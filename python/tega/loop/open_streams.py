@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
 
-from tega.config.motor_onset import motor_onset
+from tega.config.person import motor_onset
 from tega.devices.base import AnsweringHand, EmgChunk, FeedingSource, StampingVest, TactileFrame, optional
 from tega.loop.adapting import FingerRezero
 from tega.loop.emg_adaptation import ChannelAdaptation

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from tega.config.motor_onset import STAGE
+from tega.config.person import ONSET_STAGE
 from tega.loop.inbox.histogram import LEAST_SAMPLES
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import absent_features, origins, span
@@ -262,7 +262,7 @@ def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
 
 def _with_skin(stages: list[StageLatency]) -> list[StageLatency]:
     """Add the way to the skin, where it was known how long the vest's motors take to start."""
-    motor = next((s for s in stages if s.stage.startswith(STAGE)), None)
+    motor = next((s for s in stages if s.stage.startswith(ONSET_STAGE)), None)
     whole = next((s for s in stages if s.stage == "camera to vest: whole"), None)
     if motor is None or whole is None:
         return stages

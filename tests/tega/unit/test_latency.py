@@ -16,7 +16,7 @@ import pytest
 
 from reference.vest_bench import HandedOver
 from tega.config import check_tree
-from tega.config.motor_onset import MotorOnset
+from tega.config.person import MotorOnset
 from tega.hand import CLOSURE_POSES_RAD, HandController
 from tega.hand.link import HandLink, Received
 from tega.loop.inbox.histogram import Histogram

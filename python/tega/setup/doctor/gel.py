@@ -11,7 +11,7 @@ least so large as the fastest wave that fits. One that stands still shows agains
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -55,19 +55,14 @@ class Bands(NamedTuple):
         return self.turns < _SLOW
 
 
-def moving_bands(pictures: Sequence[NDArray[np.uint8]]) -> Bands:
-    """Measure bands that move in pictures of an untouched gel; of slow ones at least how large they are.
-
-    The pictures are uint8 (H, W, 3), at least three of one size, in the order they came.
-    """
-    lights = [_light(picture) for picture in pictures]
-    return max(_moving(_gains(lights, lights[0], along)) for along in (0, 1))
-
-
-def standing_bands(pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8]) -> Bands:
-    """Measure bands by which the mean of some pictures differs from a baseline, all uint8 (H, W, 3)."""
-    lights = [_light(picture) for picture in pictures]
-    return max(_standing(_gains(lights, _light(baseline), along)) for along in (0, 1))
+def _bands(
+    pictures: Sequence[NDArray[np.uint8]],
+    reference: NDArray[np.uint8],
+    fit: Callable[[NDArray[np.float64]], Bands],
+) -> Bands:
+    """Return the larger bands of pictures, uint8 (H, W, 3), along rows or columns, fitted to gains over another."""
+    lights, light = [_light(picture) for picture in pictures], _light(reference)
+    return max(fit(_gains(lights, light, along)) for along in (0, 1))
 
 
 def _light(picture: NDArray[np.uint8]) -> NDArray[np.int32]:
@@ -92,6 +87,7 @@ def _gains(
 
 
 def _moving(gains: NDArray[np.float64]) -> Bands:
+    """Return bands that move from picture to picture, three or more; of slow ones at least how large they are."""
     waves, _ = _waves(gains - gains.mean(axis=1, keepdims=True))
     n = gains.shape[1]
     speeds = np.concatenate([_SLOW_TURNS, np.arange(_SLOW_TURNS[-1], n / 2, _TURNS)[1:]]) / n
@@ -180,12 +176,12 @@ def check_gel(case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]
 def _has_bands(
     case: DriverCase, label: str, pictures: Sequence[NDArray[np.uint8]], baseline: NDArray[np.uint8] | None
 ) -> list[Finding]:
-    bands, words, most = moving_bands(pictures), "move", MOST_BANDING
+    bands, words, most = _bands(pictures, pictures[0], _moving), "move", MOST_BANDING
     why = "a lamp on mains flickers at 100 or 120 Hz; contacts are measured without bands that move so fast"
     if bands.slow:
         words, most = "or more hardly move", MOST_SLOW_BANDING
     if baseline is not None and bands.amplitude < most:
-        bands, most = standing_bands(pictures, baseline), MOST_BANDING
+        bands, most = _bands(pictures, baseline, _standing), MOST_BANDING
         words = "that its baseline has not stand"
     if bands.amplitude < most:
         return []

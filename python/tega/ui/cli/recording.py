@@ -44,7 +44,7 @@ def inspect(*, session: Path, as_json: bool) -> None:
 def _show(found: Inspection) -> None:
     from datetime import UTC, datetime
 
-    from tega.config.motor_onset import STAGE
+    from tega.config.person import ONSET_STAGE
     from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
@@ -80,9 +80,9 @@ def _show(found: Inspection) -> None:
             table.add_row(stage.stage, str(stage.n), *(_number(time_ms, 2) for time_ms in times_ms))
         console.print(table)
         stages = [stage.stage for stage in found.latency]
-        if "camera to vest: whole" in stages and not any(stage.startswith(STAGE) for stage in stages):
+        if "camera to vest: whole" in stages and not any(stage.startswith(ONSET_STAGE) for stage in stages):
             console.print(
-                f"  {STAGE}: not measured when this was recorded; the latency ends at the vest's transport"
+                f"  {ONSET_STAGE}: not measured when this was recorded; the latency ends at the vest's transport"
             )
     for title, lines in (("markers", found.markers), ("states", found.states), ("log", found.log)):
         if lines:
