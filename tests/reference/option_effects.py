@@ -26,8 +26,6 @@ SHARES = st.floats(0, 1)
 
 
 class Lift(NamedTuple):
-    """A recorded lift: pictures of the thumb, EMG, and what the loop measured."""
-
     recorded: Recorded
     frames: list[TactileFrame]
     chunks: list[EmgChunk]
@@ -51,7 +49,6 @@ def ticks() -> list[Tick]:
 
 @cache
 def recorded_lift() -> Lift:
-    """Read the recorded lift that comes with TEGA."""
     raw = read_recorded(LIFT, Picture, EmgSamples)
     frames = [frame_of(one) for one in raw.of(Picture) if one.finger == "thumb"]
     return Lift(read_recorded(LIFT), frames, [chunk_of(one) for one in raw.of(EmgSamples)])
@@ -72,12 +69,7 @@ def _fits(number: float, kind: Any) -> bool:
 
 
 def drawn(kind: msgspec.inspect.Type, texts: Sequence[str] = ()) -> st.SearchStrategy[Any]:
-    """Return the values of a type of option.
-
-    Args:
-        kind: The type.
-        texts: Values of a text without choices.
-    """
+    """Return the values of a type of option; ``texts`` are those of a text without choices."""
     inside = msgspec.inspect
     found: st.SearchStrategy[Any]
     match kind:
@@ -104,10 +96,8 @@ def drawn(kind: msgspec.inspect.Type, texts: Sequence[str] = ()) -> st.SearchStr
     return found
 
 
-class Run(NamedTuple):
-    """A stage's run on an input: it is given the options and returns everything that the stage returned."""
-
-    make: Callable[[StageOptions], bytes]
+Run = Callable[[StageOptions], bytes]
+"""A stage's run on an input: it is given the options and returns everything that the stage returned."""
 
 
 def _encoded(outputs: Any) -> bytes:
@@ -116,7 +106,6 @@ def _encoded(outputs: Any) -> bytes:
 
 @st.composite
 def metric_runs(draw: st.DrawFn, kind: Any) -> Run:
-    """Return runs of a metric on the thumb's pictures."""
     lift = recorded_lift()
     frames = lift.frames if kind.memory else lift.frames[::40]
     setup = FingerSetup("thumb", lift.recorded.head.baselines["thumb"])
@@ -127,11 +116,10 @@ def metric_runs(draw: st.DrawFn, kind: Any) -> Run:
         metric.loaded = loaded
         return _encoded([metric.update(frame.image, frame.t_ns) for frame in frames])
 
-    return Run(run)
+    return run
 
 
 def lift_muscles() -> MuscleSetup:
-    """Return the setup of the lift's muscles."""
     emg = recorded_lift().recorded.head.calibration.emg
     assert emg is not None
     return muscle_setup(emg, "live")
@@ -139,7 +127,6 @@ def lift_muscles() -> MuscleSetup:
 
 @st.composite
 def decoder_runs(draw: st.DrawFn, kind: Any, setup: MuscleSetup | None = None) -> Run:
-    """Return runs of a decoder on the lift's EMG."""
     lift, muscles = recorded_lift(), setup or lift_muscles()
     muscles = muscles._replace(preset=draw(st.sampled_from(["paper", "live"])))
     # The same electrodes may give more than at the calibration.
@@ -151,7 +138,7 @@ def decoder_runs(draw: st.DrawFn, kind: Any, setup: MuscleSetup | None = None) -
         decoder = kind(muscles._replace(block=block), options)
         return _encoded([decoder.decode(samples, times_ns), decoder.holds])
 
-    return Run(run)
+    return run
 
 
 @st.composite
@@ -182,7 +169,7 @@ def mapping_runs(draw: st.DrawFn, kind: Any) -> Run:
             )
         return b"".join(displayed)
 
-    return Run(run)
+    return run
 
 
 @st.composite
@@ -206,7 +193,7 @@ def reflex_runs(draw: st.DrawFn, kind: Any) -> Run:
             wishes.append((reflex.wish(t_ns, own, own, seen, reported), reflex.cause))
         return _encoded(wishes)
 
-    return Run(run)
+    return run
 
 
 RUNS: Mapping[str, Any] = {

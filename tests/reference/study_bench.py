@@ -58,7 +58,6 @@ class ScriptedDesk:
         self.phase = ""
 
     def show(self, screen: Screen) -> None:
-        """Take in a screen."""
         if screen.phase == "questions" != self.phase and self._rating:
             self.waiting += [ENTER, *(self._rating * len(QUESTIONS)), ENTER]
         self.observe(screen)
@@ -68,28 +67,19 @@ class ScriptedDesk:
         """Add keys to press; :attr:`phase` is that of the screen before."""
 
     def say(self, text: str) -> None:
-        """Keep a message."""
         self.said.append(text)
 
     def keys(self) -> list[str]:
-        """Press the keys that wait."""
         keys, self.waiting = self.waiting, []
         return keys
 
     def line(self, prompt: str) -> str:
-        """Answer a question in words."""
         assert self._answer is not None, prompt
         self.said.append(prompt)
         return self._answer
 
 
 class StandingBench:
-    """Devices that stand ready until the experimenter ends the trial.
-
-    Args:
-        own_time: Whether a trial's time is the bench's own, not the clock's.
-    """
-
     where: Where = "simulated"
     sees_height = False
     measures_height = False
@@ -101,11 +91,9 @@ class StandingBench:
         self.own_time = own_time
 
     def felt(self, condition: str) -> bool:
-        """Tell whether the vest is on."""
         return condition == "haptic"
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        """Be armed, begin when told to, and wait for the end."""
         going.notify("armed", "stands ready")
         while not going.over():
             if going.may_go():
@@ -114,8 +102,6 @@ class StandingBench:
 
 
 class LiftingBench(StandingBench):
-    """Devices on which every object is lifted and held, in a time of their own."""
-
     sees_height = True
 
     def __init__(self) -> None:
@@ -134,13 +120,6 @@ class LiftingBench(StandingBench):
 
 
 class Experimenter(ScriptedDesk):
-    """Presses Enter when asked to begin, and what else is to be pressed in each phase.
-
-    Args:
-        presses: By phase of the screen, keys to press once each time the phase is entered.
-        answer: To every line that is asked for.
-    """
-
     def __init__(self, presses: dict[str, str] | None = None, answer: str = "40") -> None:
         super().__init__(rating="i", answer=answer)
         self._presses = presses or {}

@@ -5,9 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
-import pty
 import re
-import select
 import signal
 import struct
 import subprocess
@@ -21,7 +19,12 @@ from typing import IO, Any
 
 import pytest
 
+from reference.processes import in_terminal
 from tega.ui.cli.main import main
+from tega_emulators.process import Emulator
+
+RESTING = 0.04
+"""Effort of an emulated arm that lies still."""
 
 Answer = Callable[[str], str | None]
 
@@ -75,20 +78,16 @@ class Wizard:
 
     @property
     def said(self) -> str:
-        """Everything it said so far."""
         return "\n".join(self.lines)
 
     @property
     def reported(self) -> Any:
-        """What it printed on stdout, as JSON."""
         return json.loads(self.out)
 
     def interrupt(self) -> None:
-        """Press Ctrl-C."""
         self._process.send_signal(signal.SIGINT)
 
     def terminate(self) -> None:
-        """Ask it to end, as a service manager does."""
         self._process.terminate()
 
 
@@ -107,31 +106,18 @@ class OnScreen:
 
     def run(self, limit_s: float) -> int:
         """Sit there until it ends; return its exit code, or -1 where there was nothing to do for so long."""
-        ours, theirs = pty.openpty()
-        fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("4H", 40, 88, 0, 0))
-        words, env = (
-            [sys.executable, "-m", "tega.ui.cli", *self._words],
-            {**os.environ, "TERM": "xterm-256color"},
-        )
-        process = subprocess.Popen(words, stdin=theirs, stdout=theirs, stderr=theirs, env=env)
-        os.close(theirs)
-        try:
-            until_s, n_keys = time.monotonic() + limit_s, 0
-            while (left_s := until_s - time.monotonic()) > 0:
-                if not select.select([ours], [], [], left_s)[0]:
-                    break
-                try:
-                    drawn = os.read(ours, 65536)
-                except OSError:  # the other end has gone
-                    return process.wait(30)
-                self._check(drawn.decode("utf-8", "replace"), ours)
+        with in_terminal(*self._words) as (process, keys, drawn):
+            fcntl.ioctl(keys, termios.TIOCSWINSZ, struct.pack("4H", 40, 88, 0, 0))
+            until_s, n_seen = time.monotonic() + limit_s, 0
+            while time.monotonic() < until_s:
+                code, n_keys, displayed = process.poll(), self.n_keys, drawn()
+                self._check(displayed[n_seen:].decode("utf-8", "replace"), keys)
+                if code is not None:
+                    return code
+                n_seen = len(displayed)
                 if self.n_keys > n_keys:
-                    until_s, n_keys = time.monotonic() + limit_s, self.n_keys
+                    until_s = time.monotonic() + limit_s
             return -1
-        finally:
-            process.kill()
-            process.wait()
-            os.close(ours)
 
     def _check(self, drawn: str, ours: int) -> None:
         self._text += drawn
@@ -168,8 +154,27 @@ def presses(command: Callable[[str], object], firmness: list[float], *, hold_s: 
     threading.Thread(target=go, daemon=True).start()
 
 
+class Mover:
+    """Does with muscles what the wizard asks for, a fist as strong as said; channel k really sits on ``wired[k]``.
+
+    ``kept`` answers what to do about a problem.
+    """
+
+    def __init__(
+        self, board: Emulator, wired: tuple[int, ...] = (1, 2, 3), *, full: float = 1.0, kept: str = "q"
+    ) -> None:
+        self._board, self._wired, self._kept = board, wired, kept
+        self.full = full
+
+    def __call__(self, prompt: str) -> str:
+        self._board.say(f"effort {self.full if 'fist' in prompt else RESTING}")
+        for k, channel in enumerate(self._wired):
+            if f"ch{k + 1} sits on" in prompt:
+                self._board.say(f"effort 0.5 {channel}")
+        return self._kept if prompt.startswith("?") else ""
+
+
 def records(folder: Path) -> Iterator[str]:
-    """Name every file under a folder."""
     yield from sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
 
 

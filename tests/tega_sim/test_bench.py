@@ -64,7 +64,7 @@ def test_a_peer_computes_the_same_thing(name, law):
         assert max(error.centroid_px, error.spread_relative, error.cci_relative) < tolerance
 
 
-def test_a_peer_without_an_answer_has_no_error():
+def test_a_peer_without_an_answer_has_no_error_and_the_worst_is_of_each_number():
     truth = exact_contact(*scenes.scenes((160, 120))[0], **CONTACT_LAWS[0]._asdict())
     assert variants.measure_error(peers.NONE, truth) is None
     dark = np.zeros((*SMALL, 3), np.uint8)
@@ -72,8 +72,6 @@ def test_a_peer_without_an_answer_has_no_error():
         assert variants.measure_error(kernel(dark, dark), truth) is None
     assert variants.worst([None]) is None
 
-
-def test_the_worst_error_is_of_each_number():
     def error(*values):
         return variants.ContactError(
             **dict(zip(variants.ContactError.__struct_fields__, values, strict=True))
@@ -121,12 +119,8 @@ def test_turns_are_fair_and_counted():
     assert calls.count("a") == calls.count("b") == timing.WARM_ROUNDS + n_rounds * timing.CALLS_PER_TURN
     timed = "".join(calls[2 * timing.WARM_ROUNDS :])
     assert timed == "aaaaabbbbb" + "bbbbbaaaaa" + "aaaaabbbbb"
-
-
-def test_sums_of_turns():
-    turns = [[1000, 3000], [2000, 4000]]
-    assert timing.timing(turns).median_us == 2.5
-    assert timing.timing(turns).n_calls == 4
+    found = timing.timing([[1000, 3000], [2000, 4000]])
+    assert (found.median_us, found.n_calls) == (2.5, 4)
     # A round in which the machine was twice as slow for both changes nothing.
     assert timing.ratio([[30, 30], [60, 60]], [[10, 10], [20, 20]]) == 3.0
 
@@ -193,20 +187,17 @@ def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     assert all(name in text for name in named)
 
 
-def _module_of_benches(name):
-    path = Path(__file__).resolve().parents[2] / "benches" / f"{name}.py"
-    if not path.is_file():
+@pytest.fixture
+def benches(monkeypatch):
+    folder = Path(__file__).resolve().parents[2] / "benches"
+    if not folder.is_dir():
         pytest.skip("no benches beside the tests: not a checkout")
-    spec = importlib.util.spec_from_file_location(name, path)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    monkeypatch.syspath_prepend(folder)
+    return importlib.import_module
 
 
-def test_a_count_off_by_more_than_the_tolerance_is_told():
-    counts = _module_of_benches("counts")
+def test_counts_are_committed_for_both_paths_and_one_off_by_more_than_the_tolerance_is_told(benches):
+    counts = benches("counts")
     committed = {"a": {"avx2": 1000, "baseline": 5000}, "gone": {"baseline": 10}}
     counted = {"a": {"avx2": 1019, "baseline": 4800}, "new": {"baseline": 7}}
     ok = {(row.kernel, row.path): row.ok for row in counts.verdicts(committed, counted)}
@@ -215,10 +206,6 @@ def test_a_count_off_by_more_than_the_tolerance_is_told():
     # A path that this processor lacks is not judged.
     (avx2, baseline) = counts.verdicts({"a": {"avx2": 1000, "baseline": 5000}}, {"a": {"baseline": 5000}})
     assert (avx2.ok, avx2.change, baseline.ok) == (True, None, True)
-
-
-def test_counts_are_committed_for_both_paths():
-    counts = _module_of_benches("counts")
     committed = tomllib.loads(counts.COMMITTED.read_text(encoding="utf-8"))["counts"]
     tactile = [kernel for kernel in committed if kernel.endswith(counts.SIZE)]
     assert len(tactile) >= 7
@@ -251,8 +238,8 @@ def test_the_time_of_a_simulated_lift_adds_up():
 
 
 @pytest.mark.words
-def test_the_page_s_figures_are_those_of_the_committed_results():
-    figures = _module_of_benches("figures")
+def test_the_page_s_figures_are_those_of_the_committed_results(benches):
+    figures = benches("figures")
     assert figures.PAGE.read_text(encoding="utf-8") == figures.made(), "python benches/figures.py --tables"
     results = json.loads(figures.RESULTS.read_text(encoding="utf-8"))
     assert msgspec.convert(results, report.BenchReport, strict=False).missing == []

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -12,8 +11,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.kept import muscles
 from reference.squeezes import squeezes
-from reference.wizard import Wizard, records
+from reference.wizard import RESTING, Mover, Wizard, records
 from tega.config import load_config
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import EmgRecord
@@ -28,20 +28,11 @@ from tega_learn.score import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow
-HALF_BLOCKS = 50
-"""Five seconds."""
-
-
-class TenSeconds(NamedTuple):
-    """Samples of a recalibration.
-
-    Attributes:
-        rest: float64 (n, channels), of the weakest blocks in the order of time.
-        effort: Likewise of the strongest.
-    """
-
-    rest: NDArray[np.float64]
-    effort: NDArray[np.float64]
+CHANNELS = ("ch1", "ch2", "ch3")
+FIVE_SECONDS = 50  # blocks
+Samples = NDArray[np.float64]
+Ten = tuple[Samples, Samples]
+"""Five seconds of rest and five of effort."""
 
 
 def shifted_electrode(log: Log, *, seed: int, places: int) -> Log:
@@ -51,32 +42,22 @@ def shifted_electrode(log: Log, *, seed: int, places: int) -> Log:
     return log._replace(samples=np.roll((log.samples - offset) * gains, places, axis=1) + offset)
 
 
-def ten_seconds(learn: Log, today: NDArray[np.float64]) -> TenSeconds:
-    """Return five seconds of the weakest and five of the strongest force.
-
-    Args:
-        learn: Says when the force was so.
-        today: The samples to take, (n, channels), of the same times.
-    """
+def ten_seconds(learn: Log, today: Samples) -> Ten:
+    """Return five seconds of today's samples at the weakest force of a log, and five at the strongest."""
     tau = learn.tau
     n = len(learn.target) // tau
     order = np.argsort(learn.target[: n * tau].reshape(n, tau).mean(axis=1))
     cut = today[: n * tau].reshape(n, tau, -1)
-    weak, strong = (cut[np.sort(some)] for some in (order[:HALF_BLOCKS], order[-HALF_BLOCKS:]))
-    return TenSeconds(weak.reshape(-1, cut.shape[2]), strong.reshape(-1, cut.shape[2]))
+    weak, strong = (cut[np.sort(some)] for some in (order[:FIVE_SECONDS], order[-FIVE_SECONDS:]))
+    return weak.reshape(-1, cut.shape[2]), strong.reshape(-1, cut.shape[2])
 
 
 def judged_closure(decoder: LearnedDecoder, log: Log) -> DecoderFigures:
-    """Return how well a decoder's closure, from its start, follows a log's target."""
     decoder.restart()
     closure = decoder.process(log.samples)
     tau, full = decoder.model.tau, decoder.model.full
     wanted = (log.target[: len(closure) * tau].reshape(-1, tau).mean(axis=1) / full).clip(0, 1)
     return judge(closure, decoder.levels, wanted, tau / log.rate_hz)
-
-
-CHANNELS = ("ch1", "ch2", "ch3")
-Samples = NDArray[np.float64]
 
 
 class Bench(NamedTuple):
@@ -85,47 +66,32 @@ class Bench(NamedTuple):
     board: Emulator
     file: Path
 
-    @property
-    def folder(self) -> Path:
-        """Where calibrations are."""
-        return self.file.parent / "calibrations"
-
-    def knows(self, full: Samples, rest: Samples, person: str = "p01") -> EmgRecord:
+    def knows(self, full: Samples, rest: Samples) -> EmgRecord:
         """Keep a calibration, as the wizard would."""
         config = load_config(self.file, environ={}).config
         assert config.emg is not None
         with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
             chain = emg_conditions(source, config.emg.kind, block_s=block_s(config))
-            record = EmgRecord(
-                person=person,
+            record = muscles(
                 device=device_name(source.info),
                 driver=source.info.driver,
-                made=datetime(2026, 11, 1, tzinfo=UTC),
-                kind="raw",
                 rate_hz=chain.rate_hz,
                 tau_samples=chain.tau,
                 settings=driver_settings(config.emg),
-                unit=source.info.unit,
-                channels=chain.channels,
-                muscles=("ECR", "FCU", "FDS"),
-                offset=(0.0,) * 3,
                 rest=tuple(rest.tolist()),
                 live_max=tuple(full.tolist()),
                 paper_max=tuple((1.1 * full).tolist()),
-                answers=(),
             )
-        CalibrationFolder(self.folder).keep(record)
+        CalibrationFolder(self.file.parent / "calibrations").keep(record)
         return record
 
     def recalibrates(self, answer: Callable[[str], str | None], *words: str) -> Wizard:
-        """Run the verb."""
         wizard = Wizard(["emg", "recalibrate", str(self.file), "--person", "p01", "--json", *words], answer)
         wizard.run()
         return wizard
 
 
 def bench(board: Emulator, folder: Path, rate_hz: float) -> Bench:
-    """Write the settings of a board."""
     file = folder / "lab.toml"
     file.write_text(
         '[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
@@ -135,11 +101,7 @@ def bench(board: Emulator, folder: Path, rate_hz: float) -> Bench:
 
 
 def with_model(file: Path) -> tuple[str, ...]:
-    """Return the words that have the learned decoder used."""
-    return (
-        *("--set", "stages.decoder.name=learned"),
-        *("--set", f"stages.decoder.options.model={file}"),
-    )
+    return "--set", "stages.decoder.name=learned", "--set", f"stages.decoder.options.model={file}"
 
 
 class Player:
@@ -162,6 +124,19 @@ def mean_values(samples: Samples, tau: int) -> Samples:
     return found
 
 
+def recalibrated(
+    folder: Path, rate_hz: int, first: Ten, today: Ten
+) -> tuple[LearnedDecoder, EmgRecord, Path]:
+    """Recalibrate the model p01.json by today's rest and effort; return it, the record before, the new one's file."""
+    with Emulator("ascii_board", "--signal", "emg", "--rate", str(rate_hz)) as board:
+        at = bench(board, folder, rate_hz)
+        rest, effort = (mean_values(samples, rate_hz // 10) for samples in first)
+        kept = at.knows(np.percentile(effort, 95, axis=0), np.median(rest, axis=0))
+        wizard = at.recalibrates(Player(board, folder, *today), *with_model(folder / "p01.json"))
+    assert wizard.code == 0, wizard.said
+    return LearnedDecoder.load(Path(wizard.reported["model"])), kept, Path(wizard.reported["record"])
+
+
 @pytest.mark.parametrize(
     ("name", "seed", "places", "lost", "bar"),
     [("v1", 2, 1, 0.6, 0.84), ("v10", 2, 1, 0.9, 0.95), ("v12", 2, 2, 0.0, 0.8)],
@@ -177,17 +152,9 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
     learn, judged = two_halves(whole._replace(samples=scale * whole.samples))
     old = fit(learn.samples, learn.target, rate_hz=200, tau=20, channels=CHANNELS, person="p01")
     old.save(tmp_path / "p01.json")
-    first = ten_seconds(learn, learn.samples)
     today = ten_seconds(learn, shifted_electrode(learn, seed=seed, places=places).samples)
+    new, _, _ = recalibrated(tmp_path, 200, ten_seconds(learn, learn.samples), today)
     later = shifted_electrode(judged, seed=seed, places=places)
-    with Emulator("ascii_board", "--signal", "emg", "--rate", "200") as board:
-        at = bench(board, tmp_path, 200.0)
-        strongest = np.percentile(mean_values(first.effort, 20), 95, axis=0)
-        at.knows(strongest, np.median(mean_values(first.rest, 20), axis=0))
-        player = Player(board, tmp_path, today.rest, today.effort)
-        wizard = at.recalibrates(player, *with_model(tmp_path / "p01.json"))
-    assert wizard.code == 0, wizard.said
-    new = LearnedDecoder.load(Path(wizard.reported["model"]))
     before, after = (judged_closure(one, later).rank_correlation for one in (old, new))
     assert before < lost
     assert after > bar
@@ -197,7 +164,7 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
 def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_path: Path) -> None:
     """Simulated: each electrode sees 0.3 of the next muscle, with another gain: the order is kept, closures are not."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    person, rate_hz, tau = draw_person(seed), 250.0, 25
+    person, rate_hz, tau = draw_person(seed), 250, 25
     known = calibrate(person, seed=seed, rate_hz=rate_hz)
     steps = np.random.default_rng(seed).permutation(np.repeat(np.linspace(0, 1, 5), 6))
     course = np.convolve(np.repeat(steps, 150), np.ones(60) / 60, "same")
@@ -216,30 +183,18 @@ def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_pa
     old.save(tmp_path / "p01.json")
     moved = played("moved", ("shift",))
     later = Log("moved", moved[3750:], target, rate_hz)
-    with Emulator("ascii_board", "--signal", "emg", "--rate", "250") as board:
-        at = bench(board, tmp_path, rate_hz)
-        rest, strong = (mean_values(first[part], tau) for part in (slice(0, 1500), slice(1700, 3000)))
-        kept = at.knows(np.percentile(strong, 95, axis=0), np.median(rest, axis=0))
-        player = Player(board, tmp_path, moved[:1500], moved[1700:3000])
-        wizard = at.recalibrates(player, *with_model(tmp_path / "p01.json"))
-    assert wizard.code == 0, wizard.said
-    new = LearnedDecoder.load(Path(wizard.reported["model"]))
+    ten, today = ((samples[:1500], samples[1700:3000]) for samples in (first, moved))
+    new, kept, file = recalibrated(tmp_path, rate_hz, ten, today)
     before, after = (judged_closure(one, later) for one in (old, new))
     assert after.rank_correlation > max(0.97, before.rank_correlation - 0.005)
     assert before.rmse > 0.14
     assert after.rmse < 0.1
     assert new.model.recalibrated is not None
-    record = tomllib.loads(Path(wizard.reported["record"]).read_text())
-    today = np.percentile(mean_values(moved[1700:3000], tau), 95, axis=0) / kept.live_max
-    assert np.array(record["live_max"]) / kept.live_max == pytest.approx(today, rel=0.2)
+    record = tomllib.loads(file.read_text())
+    stronger = np.percentile(mean_values(today[1], tau), 95, axis=0) / kept.live_max
+    assert np.array(record["live_max"]) / kept.live_max == pytest.approx(stronger, rel=0.2)
     assert record["refreshed"]
-    assert len(list((at.folder / "people/p01/before").iterdir())) == 1
-
-
-# What is refused.
-
-
-RESTING = 0.04
+    assert len(list((file.parent / "before").iterdir())) == 1
 
 
 @pytest.fixture(scope="module")
@@ -257,17 +212,6 @@ def known(board: Emulator, tmp_path: Path) -> Bench:
     return at
 
 
-class Mover:
-    """Rests and squeezes as the wizard asks; a fist is as strong as said."""
-
-    def __init__(self, board: Emulator, full: float = 1.0, kept: str = "q") -> None:
-        self._board, self._full, self._kept = board, full, kept
-
-    def __call__(self, prompt: str) -> str:
-        self._board.say(f"effort {self._full if 'fist' in prompt else RESTING}")
-        return self._kept if prompt.startswith("?") else ""
-
-
 def files(at: Bench) -> dict[str, bytes]:
     return {name: (at.file.parent / name).read_bytes() for name in records(at.file.parent)}
 
@@ -276,7 +220,7 @@ QUICK = ("--time-scale", "0.3")
 
 
 def test_maxima_alone_are_put_to_today(known: Bench) -> None:
-    wizard = known.recalibrates(Mover(known.board, 0.5), *QUICK)
+    wizard = known.recalibrates(Mover(known.board, full=0.5), *QUICK)
     assert wizard.code == 0, wizard.said
     assert wizard.reported["model"] is None
     record = tomllib.loads(Path(wizard.reported["record"]).read_text())
@@ -310,7 +254,7 @@ def test_a_bad_recording_is_refused_and_nothing_is_written(
 ) -> None:
     known.board.say(f"signal {signal}")
     before = files(known)
-    wizard = known.recalibrates(Mover(known.board, full), "--yes", "--time-scale", "0.6", *words)
+    wizard = known.recalibrates(Mover(known.board, full=full), "--yes", "--time-scale", "0.6", *words)
     assert wizard.code == 1
     assert text in wizard.said
     assert "hint: " in wizard.said
@@ -355,7 +299,7 @@ def test_a_model_that_would_not_tell_rest_from_effort_is_not_written(known: Benc
     # Hardly stronger than rest, and kept in spite of what the wizard says of it.
     known.knows(np.full(3, 5.0), np.full(3, 2.0))
     before = files(known)
-    wizard = known.recalibrates(Mover(known.board, 0.045, kept="k"), *words)
+    wizard = known.recalibrates(Mover(known.board, full=0.045, kept="k"), *words)
     assert wizard.code == 1, wizard.said
     assert "are needed" in wizard.said
     assert "of rest and" in wizard.said
@@ -366,7 +310,7 @@ def test_the_new_model_is_a_file_of_its_own_where_it_is_asked_for(known: Bench) 
     model = some_model(known.file.parent)
     out = known.file.parent / "today.json"
     old = model.read_bytes()
-    wizard = known.recalibrates(Mover(known.board, 0.6), *with_model(model), "--out", str(out))
+    wizard = known.recalibrates(Mover(known.board, full=0.6), *with_model(model), "--out", str(out))
     assert wizard.code == 0, wizard.said
     assert wizard.reported["model"] == str(out)
     assert model.read_bytes() == old

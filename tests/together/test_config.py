@@ -1,4 +1,4 @@
-"""Settings: precedence, origins, paths, and what is said about mistakes."""
+"""Settings: precedence, origins, paths, what is said about mistakes; the pages that list them and the drivers."""
 
 from __future__ import annotations
 
@@ -10,9 +10,11 @@ import pytest
 
 from tega.config import driver_options, load_config
 from tega.config.load import leaves, value_lines
-from tega.devices import driver_names
+from tega.devices import driver_class, driver_names
+from tega.devices.base import optional
 from tega.devices.fingertip.images import ImageFolderOptions
 from tega.errors import ConfigError
+from tega.runtime.evidence import EVIDENCE
 
 SETTINGS = """
 [session]
@@ -77,6 +79,8 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
     ).config
     assert config.emg is not None
     assert (config.emg.options.channels, config.emg.options.rate_hz) == ((1,), 1000.0)
+    vest = load_config(None, environ={}, sets=["vest.threshold=20", f"vest.step={[2.5] * 40}"]).config.vest
+    assert (vest.threshold, vest.step) == (20.0, (2.5,) * 40)
 
 
 @pytest.mark.parametrize(
@@ -89,6 +93,8 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("session.preset=fast", r"session\.preset = 'fast': not one of the choices; one of: paper, live"),
         ("emg.kind=3", r"emg\.kind = 3: expected text in quotes, got a whole number"),
         ("vest.threshold=five", "vest.threshold = 'five': expected a number or a list, got text"),
+        ("vest.threshold=120", r"vest\.threshold = 120: expected a number <= 99"),
+        ("vest.step=[1, 2]", r"vest\.step = \[1, 2\]: expected a list of length >= 40"),
         ("session.duration_s=-0.000059999999999999995", "session.duration_s = -0.00006: expected a number"),
         ("emg.options.rate_hz=0", r"emg\.options\.rate_hz = 0: expected a number > 0\.0 \(hertz\)"),
         ("emg.options.rate_hz=nan", r"emg\.options\.rate_hz = nan: .*\(hertz\)"),
@@ -100,6 +106,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("emg=3", r"emg = 3: expected a table, got a whole number"),
         ("tactile.index.driver=imags", r"no driver is called 'imags'; did you mean 'images'\?"),
         ("tactile.index.driver=emg-file", r"'emg-file' is of kind 'emg', not 'tactile'"),
+        ("input.motion.driver=digit", r"input\.motion.*driver 'digit' is of kind 'tactile'"),
         ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
@@ -113,18 +120,21 @@ def test_mistakes_are_named(settings: Path, override: str, message: str) -> None
         load_config(settings, environ={}, sets=[override])
 
 
-def test_a_mistake_in_the_file_names_the_file(settings: Path) -> None:
-    settings.write_text(SETTINGS.replace('preset = "paper"', 'prset = "paper"'))
-    with pytest.raises(
-        ConfigError, match=r"^session\.toml:3: session\.prset: unknown key; did you mean 'preset'"
-    ):
+@pytest.mark.parametrize(
+    ("written", "instead", "message"),
+    [
+        ('preset = "paper"', 'prset = "paper"', "3: session.prset: unknown key; did you mean 'preset'"),
+        ('driver = "images"\n', "", "7: tactile.index.driver: missing"),  # the first line of its table
+    ],
+)
+def test_a_mistake_in_the_file_names_file_and_line(
+    settings: Path, written: str, instead: str, message: str
+) -> None:
+    settings.write_text(SETTINGS.replace(written, instead))
+    with pytest.raises(ConfigError, match=f"^session.toml:{message}"):
         load_config(settings, environ={})
-
-
-def test_a_key_that_is_missing_names_the_first_line_of_its_table(settings: Path) -> None:
-    settings.write_text(SETTINGS.replace('driver = "images"\n', ""))
-    with pytest.raises(ConfigError, match=r"^session\.toml:7: tactile\.index\.driver: missing"):
-        load_config(settings, environ={})
+    with pytest.raises(ConfigError, match=r"^TEGA_EMG__KIND: emg\.kind = 'noisy'"):
+        load_config(None, environ={"TEGA_EMG__KIND": "noisy", "TEGA_EMG__DRIVER": "emg-file"})
 
 
 def test_lines_of_values_however_they_are_written() -> None:
@@ -160,11 +170,6 @@ m = 2'''
     for name in ("session.toml", "simulated.toml"):
         example = (PROJECT / "examples" / name).read_text(encoding="utf-8")
         assert set(value_lines(example)) == {key for key, _ in leaves(tomllib.loads(example))}
-
-
-def test_a_mistake_in_the_environment_names_the_variable(settings: Path) -> None:
-    with pytest.raises(ConfigError, match=r"^TEGA_EMG__KIND: emg\.kind = 'noisy'"):
-        load_config(settings, environ={"TEGA_EMG__KIND": "noisy"})
 
 
 def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
@@ -208,3 +213,23 @@ def test_the_reference_lists_every_key_and_driver(monkeypatch: pytest.MonkeyPatc
 def test_an_override_without_key_or_value_is_refused_for_a_driver_alone_too(item: str) -> None:
     with pytest.raises(ConfigError, match="not of the form key=value"):
         driver_options("synthetic-touch", {}, sets=[item])
+
+
+def test_the_page_on_faults_lists_the_evidence_of_every_live_driver() -> None:
+    page = (PROJECT / "docs" / "evidence" / "faults.md").read_text(encoding="utf-8")
+    text = page.partition("## Evidence")[2].partition("### Actions")[0]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in text.splitlines()
+        if line.startswith("| `")
+    ]
+    listed = {row[0].strip("`"): dict(zip(EVIDENCE, row[1:], strict=True)) for row in rows}
+    compared = {
+        name: {evidence: optional(driver_class(name), "compared").get(evidence, "–") for evidence in EVIDENCE}
+        for name in driver_names()
+        if driver_class(name).kind in {"tactile", "emg", "hand", "tracker"}
+        and optional(driver_class(name), "compared")
+    }
+    assert listed == compared
+    assert {"cyton", "chords", "spiker", "serial-emg", "lsl-emg", "brainflow"} <= set(compared)
+    assert {"digit", "hololens", "openxr", "allegro"} <= set(compared)

@@ -8,12 +8,13 @@ import os
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from reference.processes import until
 
 pytest.importorskip("tega_emulators", reason="needs ./tools/emulators")
 
@@ -31,25 +32,20 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     folder = tmp_path_factory.mktemp("lab")
     words = [sys.executable, "-m", "tega.ui.cli", "init", "--emulated", "--out", "lab.toml"]
     bench = subprocess.Popen(words, cwd=folder, stdin=subprocess.DEVNULL)
-    for _ in range(10 * WAIT_S):
-        assert bench.poll() is None
-        if (folder / "lab/calibration.toml").is_file():
-            break
-        time.sleep(0.1)
+    until(lambda: (folder / "lab/calibration.toml").is_file() or bench.poll() is not None)
+    assert bench.poll() is None
     yield folder
     bench.send_signal(signal.SIGINT)
     assert bench.wait(60) == 0
 
 
-def teleop(folder: Path, *words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-    return _run(folder, "tega.ui.cli", *words, code=code)
-
-
 def rehearse(folder: Path, seed: int, *words: str) -> subprocess.CompletedProcess[str]:
-    return _run(folder, "tega_emulators.participant", "--seed", str(seed), *words)
+    return teleop(folder, "--seed", str(seed), *words, module="tega_emulators.participant")
 
 
-def _run(folder: Path, module: str, *words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
+def teleop(
+    folder: Path, *words: str, code: int = 0, module: str = "tega.ui.cli"
+) -> subprocess.CompletedProcess[str]:
     done = subprocess.run(
         [sys.executable, "-m", module, *words],
         cwd=folder,

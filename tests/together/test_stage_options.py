@@ -34,12 +34,7 @@ SEARCH = settings(max_examples=5000, phases=[Phase.generate], derandomize=True, 
 
 
 class Context(NamedTuple):
-    """Context that a stage needs to run at all, such as a file.
-
-    Attributes:
-        given: Values of options that cannot be drawn by their type, the one to run with first.
-        runs: Runs of the stage; ``None``: those of its kind.
-    """
+    """What a stage needs to run at all: options that no type draws, the first to run with, and runs but its kind's."""
 
     given: Mapping[str, Sequence[Any]] = {}
     runs: Any = None
@@ -117,7 +112,6 @@ while True:
 
 @contextmanager
 def sender(name: str, closure: float, after_s: float = 0.0) -> Iterator[None]:
-    """Run a program that sends a closure."""
     words = [sys.executable, "-c", SENDER, name, str(closure), str(after_s)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as program:
         try:
@@ -144,12 +138,11 @@ def of_programs(kind: Any) -> Iterator[Context]:
             return msgspec.json.encode(decoder.decode(samples[1000:], times_ns[1000:]))
 
     with sender(one, 0.3), sender(two, 0.4):
-        yield Context({"stream": [one, two, late], "start_s": [5.0, 0.5]}, st.just(Run(run)))
+        yield Context({"stream": [one, two, late], "start_s": [5.0, 0.5]}, st.just(run))
 
 
 @pytest.fixture(scope="module")
 def context_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[StageRecord], Context]]:
-    """Return the function that gives a stage what it needs to run."""
     with ExitStack() as stack:
 
         @cache
@@ -166,7 +159,6 @@ def context_of(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[S
 
 
 def _options(kind: Any, context: Context) -> dict[str, st.SearchStrategy[Any]]:
-    """Return the values of each option, the usual one first."""
     found = {}
     for field in msgspec.inspect.type_info(kind.options_type).fields:  # type: ignore[attr-defined]
         if field.name in context.given:
@@ -183,7 +175,7 @@ def _options(kind: Any, context: Context) -> dict[str, st.SearchStrategy[Any]]:
 def _output(kind: Any, run: Run, options: Mapping[str, Any]) -> bytes | None:
     """Return what a stage makes under options; ``None`` where it refuses them."""
     try:
-        return run.make(kind.options_type(**options))
+        return run(kind.options_type(**options))
     except TegaError:
         return None
 

@@ -18,14 +18,13 @@ import pytest
 from reference.chromium import launched, opened
 from reference.command import call
 from reference.processes import until
-from reference.wizard import Wizard, calibrate, lab, presses, records
+from reference.wizard import RESTING, Mover, Wizard, calibrate, lab, presses, records
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 
-RESTING, WORKING = 0.04, 1.0
 P01, SECOND = ("--person", "p01"), ("--set", "session.duration_s=1")
 
 
@@ -44,8 +43,6 @@ def muscles(board: Emulator, more: str = "") -> str:
 
 
 class Presser:
-    """Does with a fingertip what the wizard asks for."""
-
     def __init__(self, sensor: Emulator, firmness: list[float] | None = None) -> None:
         self._sensor = sensor
         self._firmness = [0.8, 0.9, 1.0] if firmness is None else firmness
@@ -53,24 +50,6 @@ class Presser:
     def __call__(self, prompt: str) -> str | None:
         if "press firmly" in prompt:
             presses(self._sensor.say, self._firmness)
-        return "q" if prompt.startswith("?") else ""
-
-
-class Mover:
-    """Does with muscles what the wizard asks for; ``wired`` says which muscle each channel really sits on."""
-
-    def __init__(self, board: Emulator, wired: tuple[int, ...] = (1, 2, 3)) -> None:
-        self._board = board
-        self._wired = wired
-        self.full = WORKING
-
-    def __call__(self, prompt: str) -> str | None:
-        self._board.say(f"effort {RESTING}")
-        if "fist" in prompt:
-            self._board.say(f"effort {self.full}")
-        for k, channel in enumerate(self._wired):
-            if f"ch{k + 1} sits on" in prompt:
-                self._board.say(f"effort 0.5 {channel}")
         return "q" if prompt.startswith("?") else ""
 
 
@@ -111,7 +90,6 @@ class Muscles(NamedTuple):
     wizard: Wizard
 
     def copied(self, folder: Path) -> Path:
-        """Copy settings and calibration, and return the settings' file."""
         shutil.copytree(self.folder, folder, dirs_exist_ok=True)
         self.board.say(f"effort {RESTING}")
         return folder / "lab.toml"
@@ -223,9 +201,7 @@ def test_exchanged_electrodes_and_half_hearted_squeezes_are_told(tmp_path: Path)
         assert wizard.code == 130
         assert "ch1 and ch2 look swapped: each rises with the muscle of the other" in wizard.said
         assert wizard.reported["done"] == ["emg.rest", "emg.squeezes"]
-        weak = Mover(board)
-        weak.full = 2 * RESTING
-        wizard = calibrate(file, weak, "--restart")
+        wizard = calibrate(file, Mover(board, full=2 * RESTING), "--restart")
         assert wizard.code == 130
         assert "a strong squeeze is only" in wizard.said
         wizard = loose.result()
@@ -242,8 +218,7 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     assert nothing.code == 1
     assert "p01 has no calibration on" in nothing.said
     file = calibrated.copied(tmp_path)
-    today = Mover(board)
-    today.full = 1.5
+    today = Mover(board, full=1.5)
     wizard = calibrate(file, today, "--refresh")
     assert wizard.code == 0, wizard.said
     before, after = (w.reported["files"][0]["record"] for w in (first, wizard))

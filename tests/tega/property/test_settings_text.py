@@ -1,7 +1,8 @@
-"""Names, numbers and texts of settings: plain names, sizes, TOML that is read as it was written."""
+"""Names, numbers and texts of settings: plain names, sizes, TOML that is read as it was written, and its hints."""
 
 from __future__ import annotations
 
+import math
 import tempfile
 import tomllib
 from datetime import datetime
@@ -12,12 +13,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tega.config import check_tree
+from tega.config import check_tree, load_config
 from tega.config.check import LEAST, MOST, check_magnitudes
 from tega.devices import Found
 from tega.errors import ConfigError, UnsafeNameError
 from tega.runtime.files.foreign_file import plain_name
 from tega.runtime.files.toml_text import toml_value, tree_text
+from tega.runtime.words import number_text
 from tega.setup.doctor import lab_settings
 from tega.setup.doctor.bench import DriverProbe
 
@@ -160,3 +162,66 @@ def test_a_number_of_no_size_is_refused_by_its_key(key: str, value: float, negat
 @given(st.one_of(st.just(0.0), st.floats(LEAST, MOST), st.floats(-MOST, -LEAST)), st.text(max_size=5))
 def test_every_other_number_passes(value: float, name: str) -> None:
     check_magnitudes({"a": {"b": [1, "x", {name: value}]}, name: True}, {})
+
+
+_EMG = '[emg]\ndriver = "emg-file"\nkind = "raw"\noptions = { file = FILE, rate_hz = 250 }\n'
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        (_EMG.replace("FILE", r'"C:\Users\me\emg.csv"'), "single quotes, or with /"),
+        (_EMG.replace("FILE", r'"C:\xdata\emg.csv"'), "single quotes, or with /"),
+        (_EMG.replace("FILE", r'"C:\temp\emg.csv"'), "single quotes, or with /"),
+        (_EMG.replace("FILE", r'"C:\new\emg.csv"'), "single quotes, or with /"),
+        (_EMG.replace("FILE", r'"data\fast\emg.csv"'), "single quotes, or with /"),
+        (_EMG.replace("FILE", "\u201cemg.csv\u201d"), "straight quotes"),
+        (_EMG.replace("FILE", "'a.csv'").replace("250", "250,5"), "decimal point"),
+        (_EMG.replace("FILE", "'a.csv'").replace("{ ", "{\n "), "stands on one line"),
+        (_EMG.replace("FILE", "'a.csv'") + "[emg]\nkind = 'raw'\n", "twice: join them"),
+        ("[emg]\ndriver = emg-file\n", "put text into quotes"),
+        ("[emg\n", "toml.io"),
+    ],
+)
+def test_the_hint_fits_the_line(text: str, hint: str, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load_config(tmp_path / "lab.toml", environ={})
+    assert hint in caught.value.hint
+
+
+def test_a_path_in_single_quotes_is_as_it_stands_and_utf_16_is_named(tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(_EMG.replace("FILE", r"'C:\temp\emg.csv'"))
+    emg = load_config(tmp_path / "lab.toml", environ={}).config.emg
+    assert emg is not None
+    assert str(emg.options.file).endswith(r"C:\temp\emg.csv")
+    (tmp_path / "lab.toml").write_text("[emg]\n", encoding="utf-16")
+    with pytest.raises(ConfigError, match="it looks like UTF-16"):
+        load_config(tmp_path / "lab.toml", environ={})
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (1e4, "10000"),
+        (123456.7, "123457"),
+        (0.000059999999999999995, "0.00006"),
+        (0.1 + 0.2, "0.3"),
+        (-0.0, "0"),
+        (-1.5, "-1.5"),
+        (0, "0"),
+        (7, "7"),
+        (math.inf, "inf"),
+        (math.nan, "nan"),
+    ],
+)
+def test_a_number_has_no_exponent_and_no_rounding_noise(value: float, text: str) -> None:
+    assert number_text(value) == text
+
+
+@given(st.floats(-1e9, 1e9, allow_subnormal=False), st.integers(2, 15))
+def test_the_text_is_the_number_to_its_digits(value: float, digits: int) -> None:
+    text = number_text(value, digits)
+    assert float(text) == pytest.approx(value, rel=0.6 * 10 ** (1 - digits))
+    if value == 0 or abs(value) >= 1e-9:
+        assert "e" not in text

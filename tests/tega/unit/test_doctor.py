@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import threading
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -20,8 +21,6 @@ from tega.setup.doctor.bench import POLL_S, ROLES, TRY_S, in_time, probe_all, tr
 from tega.setup.doctor.findings import DriverCase, holders
 from tega_emulators.emulated_bench import EmulatedBench
 from tega_emulators.vest_bench import seen_by
-
-FINDING_KEYS = {"check", "status", "finding", "why", "todo", "driver", "device", "measured"}
 
 
 def test_looking_around_ends_within_ten_seconds_whatever_hangs() -> None:
@@ -37,16 +36,9 @@ def test_an_empty_bench_is_told_kindly_and_ends_with_3(tmp_path: Path) -> None:
     # A program that hears no stream of another program on this network.
     alone = tmp_path / "lsl_api.cfg"
     alone.write_text(f"[lab]\nSessionID = {tmp_path.name}\n[log]\nlevel = -2\n")
-    json_text, text = (
-        subprocess.run(
-            [sys.executable, "-m", "tega.ui.cli", "doctor", *words],
-            env={**os.environ, "LSLAPICFG": str(alone)},
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        for words in (["--json"], [])
-    )
+    env, doctor = {**os.environ, "LSLAPICFG": str(alone)}, [sys.executable, "-m", "tega.ui.cli", "doctor"]
+    run = partial(subprocess.run, env=env, capture_output=True, text=True, check=False)
+    json_text, text = run([*doctor, "--json"]), run(doctor)
     message = json.loads(json_text.stdout)
     if any(f["device"] for f in message["findings"]):
         pytest.skip("something is attached to this machine")
@@ -55,7 +47,8 @@ def test_an_empty_bench_is_told_kindly_and_ends_with_3(tmp_path: Path) -> None:
     assert (message["ok"], message["exit_code"], json_text.returncode) == (False, 3, 3)
     assert [f["check"] for f in message["findings"]] == list(ROLES)
     for finding in message["findings"]:
-        assert set(finding) == FINDING_KEYS
+        keys = {"check", "status", "finding", "why", "todo", "driver", "device", "measured"}
+        assert set(finding) == keys
         assert finding["status"] == "missing"
         assert all(finding[key] for key in ("finding", "why", "todo"))
     assert text.returncode == 3

@@ -57,21 +57,10 @@ def test_a_device_in_trouble(
 @pytest.mark.slow
 def test_an_amplifier_that_hums(tmp_path: Path) -> None:
     with Emulator("cyton", "--signal", "hum") as board:
-        examination = reported(
-            tmp_path,
-            f'[emg]\ndriver = "cyton"\nkind = "raw"\noptions = {{ port = "{board.port}", measure_s = 0.3 }}\n',
-        )
+        options = f'options = {{ port = "{board.port}", measure_s = 0.3 }}'
+        examination = reported(tmp_path, f'[emg]\ndriver = "cyton"\nkind = "raw"\n{options}\n')
     assert examination.exit_code == 0
     assert any("50 Hz mains" in f.finding for f in examination.findings if f.status == "warning")
-
-
-def test_a_player_that_is_not_there(tmp_path: Path) -> None:
-    with Emulator("bhaptics_player", "--port", "0") as player:
-        port = player.address["port"]
-    finding = only(reported(tmp_path, Template(PLAYER).substitute(port=port)))
-    assert finding.status == "missing"
-    assert "cannot be reached" in finding.finding
-    assert "start the bHaptics Player" in finding.todo[0]
 
 
 def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> None:
@@ -91,6 +80,10 @@ def test_a_vest_behind_version_3_tells_name_link_and_battery(tmp_path: Path) -> 
     assert [(f.status, f.finding) for f in findings if f.check == "vest"][1:] == [
         ("warning", "the vest's battery is at 9 %")
     ]
+    gone = only(reported(tmp_path, settings))
+    assert gone.status == "missing"
+    assert "cannot be reached" in gone.finding
+    assert "start the bHaptics Player" in gone.todo[0]
 
 
 @pytest.mark.slow
@@ -108,34 +101,25 @@ def test_a_camera_slower_than_agreed_and_a_baseline_of_another_size(tmp_path: Pa
     assert "gel.npy is 320×240" in baseline.finding
 
 
-def test_a_package_that_is_not_installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_package_that_is_not_installed_and_a_can_bus_that_is_not_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setitem(sys.modules, "serial", None)
-    finding = only(
-        reported(tmp_path, '[emg]\ndriver = "cyton"\nkind = "raw"\noptions = { port = "/dev/ttyUSB9" }\n')
-    )
+    board = '[emg]\ndriver = "cyton"\nkind = "raw"\noptions = { port = "/dev/ttyUSB9" }\n'
+    finding = only(reported(tmp_path, board))
     assert finding.status == "missing"
     assert finding.todo == ("install it with: pip install 'tega[lab]'",)
+    hand = '[hand]\ndriver = "allegro"\noptions = { interface = "socketcan", channel = "can77" }\n'
+    assert "no CAN bus 'can77'" in only(reported(tmp_path, hand)).finding
 
 
 def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
-    section = 'driver = "digit"\noptions = {{ serial = "D2064{}" }}\n'
-    examination = reported(
-        tmp_path, f"[tactile.thumb]\n{section.format(1)}[tactile.index]\n{section.format(1)}"
-    )
-    thumb, index = examination.findings
+    section = 'driver = "digit"\noptions = { serial = "D20641" }\n'
+    thumb, index = reported(tmp_path, f"[tactile.thumb]\n{section}[tactile.index]\n{section}").findings
     assert (thumb.check, thumb.status) == ("tactile.thumb", "missing")
     assert "no camera has the serial number 'D20641'" in thumb.finding
     assert (index.check, index.status) == ("tactile.index", "error")
     assert "tactile.thumb name the same device" in index.finding
-
-
-def test_a_can_bus_that_is_not_there(tmp_path: Path) -> None:
-    finding = only(
-        reported(
-            tmp_path, '[hand]\ndriver = "allegro"\noptions = { interface = "socketcan", channel = "can77" }\n'
-        )
-    )
-    assert "no CAN bus 'can77'" in finding.finding
 
 
 def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
@@ -180,14 +164,8 @@ def test_a_vest_over_bluetooth(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         assert not found.may_open
         (seen,) = [f for f in probe_all().findings if f.check == "vest"]
         assert found.label in seen.finding
-        finding = only(
-            reported(
-                tmp_path,
-                '[vest]\ndriver = "bhaptics-ble"\n'
-                f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}\n',
-            )
-        )
-        assert finding.status == "ok"
+        options = f'options = {{ scan_s = 1.0, address = "{found.options["address"]}" }}'
+        assert only(reported(tmp_path, f'[vest]\ndriver = "bhaptics-ble"\n{options}\n')).status == "ok"
         assert not any(any(motors) for _, motors in seen_by(vest).history)
 
 

@@ -14,9 +14,10 @@ import pytest
 
 from reference.command import call
 from tega.config import load_config
+from tega.devices import Found
 from tega.errors import ConfigError
 from tega.loop import run_session
-from tega.setup.doctor import examine
+from tega.setup.doctor import examine, lab_settings
 from tega.setup.doctor.bench import DriverProbe
 from tega.stages.registry import unit_of
 
@@ -33,29 +34,17 @@ def test_init_never_overwrites_by_itself(tmp_path: Path, capsys: pytest.CaptureF
 
 
 def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
-    from tega.devices import Found
-    from tega.setup.doctor import lab_settings
+    def found(driver: str, label: str, problem: str = "", **options: str) -> Found:
+        return Found(driver=driver, label=label, options=options, problem=problem, hint="do:\nip link")
 
-    digits = [
-        Found(driver="digit", label=f"D{n}", options={"serial": f"D{n}"}, problem="busy" if n == 3 else "")
-        for n in range(6)
-    ]
-    board = Found(driver="serial-emg", label="/dev/ttyACM0", options={"port": "/dev/ttyACM0"})
-    stream = Found(driver="cyton", label="amp", options={"port": 'a"b\\c'})
-    vest = Found(driver="bhaptics-ble", label="X40", options={"address": "AA:BB"})
-    hand = Found(
-        driver="allegro",
-        label="can0\n[evil]",
-        options={"interface": "socketcan", "channel": "can0"},
-        problem="down",
-        hint="do:\nip link",
-    )
+    digits = [found("digit", f"D{n}", "busy" if n == 3 else "", serial=f"D{n}") for n in range(6)]
+    hand = found("allegro", "can0\n[evil]", "down", interface="socketcan", channel="can0")
     path = tmp_path / "lab.toml"
     looked: dict[str, Any] = {
         "digit": DriverProbe("tactile", digits),
-        "serial-emg": DriverProbe("emg", [board]),
-        "cyton": DriverProbe("emg", [stream], likelihood=1),
-        "bhaptics-ble": DriverProbe("vest", [vest]),
+        "serial-emg": DriverProbe("emg", [found("serial-emg", "/dev/ttyACM0", port="/dev/ttyACM0")]),
+        "cyton": DriverProbe("emg", [found("cyton", "amp", port='a"b\\c')], likelihood=1),
+        "bhaptics-ble": DriverProbe("vest", [found("bhaptics-ble", "X40", address="AA:BB")]),
         "allegro": DriverProbe("hand", [hand]),
     }
     path.write_text(lab_settings(looked, name=path.name))
@@ -74,7 +63,6 @@ def test_what_is_written_holds_what_was_found(tmp_path: Path) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="emulated serial devices need pseudo-terminals")
 def test_ctrl_c_ends_emulated_devices_without_a_traceback(tmp_path: Path) -> None:
-    """A terminal sends Ctrl-C to every program of its foreground: command and emulators alike."""
     command = [sys.executable, "-m", "tega.ui.cli", "init", "--emulated", "--out", str(tmp_path / "lab.toml")]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True

@@ -14,7 +14,7 @@ from reference.held import PEDAL, TWO
 from reference.parts import observed
 from reference.played import finger, muscles
 from tega.config import check_tree
-from tega.errors import ConfigError, DeviceUnavailableError
+from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
@@ -114,5 +114,3 @@ def test_a_run_that_names_a_missing_input_does_not_begin() -> None:
     }
     with HidPort().installed(), pytest.raises(DeviceUnavailableError, match="no pedal that is known"):
         run_session(check_tree(settings, {}, base=Path.cwd()).config)
-    with pytest.raises(ConfigError, match=r"input\.motion.*driver 'digit' is of kind 'tactile'"):
-        check_tree({"input": {"motion": {"driver": "digit"}}}, {}, base=Path.cwd())

@@ -91,7 +91,11 @@ def installed(folder: Path, url: str | None) -> PathDistribution:
     ],
 )
 def test_the_line_names_checkout_wheel_or_index(tmp_path: Path, url: str | None, line: str) -> None:
-    assert with_origin(HINT, installed(tmp_path, url)) == f"install it with: {line}"
+    package = installed(tmp_path, url)
+    assert with_origin(HINT, package) == f"install it with: {line}"
+    assert with_origin("plug it in", package) == "plug it in"
+    (tmp_path / "tega-0.1.0.dist-info" / "direct_url.json").write_text("{", encoding="utf-8")
+    assert with_origin(HINT, package) == HINT, "a record that is broken changes nothing"
 
 
 def test_doctor_init_and_devices_print_that_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -101,13 +105,6 @@ def test_doctor_init_and_devices_print_that_line(tmp_path: Path, monkeypatch: py
     looked = {"digit": DriverProbe("tactile", could_not="cv2 is missing", hint=HINT, lacks_package=True)}
     (line,) = could_not_look(looked)
     assert "pip install '/lab/tega[sim,view]'" in line
-
-
-def test_a_record_that_is_broken_changes_nothing(tmp_path: Path) -> None:
-    package = installed(tmp_path, None)
-    (tmp_path / "tega-0.1.0.dist-info" / "direct_url.json").write_text("{", encoding="utf-8")
-    assert with_origin(HINT, package) == HINT
-    assert with_origin("plug it in", package) == "plug it in"
 
 
 def extras() -> dict[str, list[str]]:

@@ -20,17 +20,20 @@ TIMES = 10
 HELD_US = 200_000
 
 
+def hold() -> None:
+    """Sleep in a function of C that is called so that it keeps the interpreter's lock."""
+    ctypes.PyDLL(None).usleep(HELD_US)
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="its C library has no usleep")
 @pytest.mark.asked_again("a machine that is busy for 30 ms answers nobody")
 def test_the_hand_is_answered_in_time_while_the_interpreter_lock_is_held() -> None:
-    # Called through this, a function of C keeps the lock.
-    hold = ctypes.PyDLL(None).usleep
     with Emulator("allegro_port") as hand, driver(hand) as steered:
         until(lambda: (steered.step(3), pushes(hand))[1])
         hand.say("answers")
         for _ in range(3):
             steered.step(4)
-            hold(HELD_US)
+            hold()
         answers_ms = hand.say("answers")["answers_ms"]
     assert len(answers_ms) > 3 * HELD_US / 1000 / TICK_MS / TIMES
     assert max(answers_ms) < TIMES * TICK_MS
@@ -46,8 +49,6 @@ LATE_NS = 8_000_000
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere whoever reads drains the port")
 @pytest.mark.asked_again("a machine that is busy for 8 ms wakes nobody")
 def test_bytes_are_stamped_as_they_come_while_the_interpreter_lock_is_held() -> None:
-    # Called through this, a function of C keeps the lock.
-    hold = ctypes.PyDLL(None).usleep
     board = ("--rate", str(RATE_HZ), "--burst-ms", str(BURST_MS), "--stamp")
     stamps: list[tuple[int, int]] = []
     with Emulator("ascii_board", *board) as emulator:
@@ -55,7 +56,7 @@ def test_bytes_are_stamped_as_they_come_while_the_interpreter_lock_is_held() -> 
         try:
             text = port.read_until(b"\r\n", 5.0)
             for _ in range(N_HELD):
-                hold(HELD_US)
+                hold()
                 data, arrival_ns = port.arrived()
                 text += data
                 whole, _, _ = text.rpartition(b"\r\n")

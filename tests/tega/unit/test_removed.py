@@ -1,15 +1,19 @@
-"""What was taken out or is not installed is named, with what to do."""
+"""What was taken out, is not installed or is a mistake in a feature of one's own is named, with what to do."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
 
 from tega.config import load_config
 from tega.config.errors import CONSTANTS, REMOVED
-from tega.errors import ConfigError, MissingExtraError
+from tega.errors import ConfigError, InvalidValueError, MissingExtraError
 from tega.recording.origin import absent_features
+from tega.records import Record
+from tega.records.base import Count, Ns
+from tega.records.schema import fields
 from tega.runtime.features import Feature, features, load_target
 from tega.runtime.words import Removed, without_removed
 from tega.stages.registry import stage_class
@@ -47,10 +51,6 @@ def test_a_removed_setting_names_its_version_and_what_to_set(tmp_path: Path, nam
         load_config(None, environ={}, sets=[f"{key}={value or 'odd'}"])
 
 
-def test_a_value_beside_a_removed_one_is_read() -> None:
-    assert load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config.arm is not None
-
-
 BESIDE = {
     "hand": "hand.driver=python-can",
     "stages.mapping": "stages.mapping.name=changes",
@@ -67,15 +67,12 @@ def test_a_setting_that_became_a_constant_is_read_with_its_value_only(key: str) 
         load_config(None, environ={}, sets=[beside, f"{key}=0.07"])
 
 
-def test_a_feature_that_is_not_installed_is_named_with_its_package() -> None:
+def test_a_feature_that_is_not_installed_is_named_and_only_tega_s_own_package_recommended() -> None:
     here = next(iter(features()))
     (text,) = absent_features({"features": {"grip": "tega[lab]", here: "tega"}})
     assert "'grip'" in text
     assert text.endswith("pip install 'tega[lab]'")
     assert absent_features({}) == []
-
-
-def test_a_package_that_only_a_recording_names_is_not_recommended() -> None:
     (text,) = absent_features({"features": {"grip": "own-feature[lab]"}})
     assert "pip install" not in text
     assert "'own-feature[lab]'; ask who made it" in text
@@ -101,3 +98,27 @@ def test_a_feature_of_another_package_is_installed_by_that_package_s_name() -> N
     with pytest.raises(MissingExtraError) as error:
         load_target("no_such_module:x", feature)
     assert error.value.hint == "install it with: pip install 'own-feature[lab]'"
+
+
+@pytest.mark.parametrize("target", ["tega.loop.parts:open_prat", "tega.loop.prats:open_part"])
+def test_a_misspelt_target_is_a_mistake_of_the_declaration(target: str) -> None:
+    with pytest.raises(ConfigError) as error:
+        load_target(target, Feature(summary="Grip.", name="grip", package="own-feature"))
+    assert error.value.message == f"feature 'grip': {target} does not exist"
+    assert error.value.hint == "correct own-feature, or update it"
+
+
+def test_a_field_that_no_file_can_hold_is_named() -> None:
+    class Lists(Record, frozen=True, kw_only=True):
+        topic: ClassVar[str] = "/lists"
+        t_ns: Ns
+        held: list[Any]
+
+    class Mixed(Record, frozen=True, kw_only=True):
+        topic: ClassVar[str] = "/mixed"
+        t_ns: Ns
+        held: Count | str = 0
+
+    for kind in (Lists, Mixed):
+        with pytest.raises(InvalidValueError, match=f"record {kind.__name__}: field held has the type"):
+            fields(kind)

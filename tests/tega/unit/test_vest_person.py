@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from reference.command import call
 from reference.scripted import touching
 from reference.vest_bench import KeptVest
 from tega.config import VestConfig, load_config
@@ -18,7 +20,7 @@ from tega.devices.base import BudgetedVest
 from tega.devices.table_recorder import TableRecorderOptions
 from tega.devices.vest.vest_recorder import VestRecorder
 from tega.devices.vest.vest_stream import VestOptions
-from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, ShapeError
+from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
 from tega.haptics.motor_layout import find_layout
 from tega.loop.touch import TouchLoop
@@ -29,30 +31,23 @@ from tega.runtime.files.toml_text import tree_text
 from tega.setup.calibration.identify import light_motor, motor_place
 from tega.stages.base import VestSetup
 from tega.stages.pulses import PulsesMapping, PulsesOptions
-from tega.ui.cli.main import main
 from tega_emulators.lab import emulated_lab
 
 
-def touched(loop: TouchLoop) -> list[int]:
+def touched(**how: Any) -> list[int]:
+    loop = TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=1400.0)}, layout="paper32", **how)
+    assert not loop.silence().intensities.any()
     loop.update("thumb", touching(700))
     frame: list[int] = loop.frame(0).intensities.tolist()
     return frame
 
 
 def test_the_loop_sends_what_this_person_feels_and_rest_stays_rest() -> None:
-    maxima = {"thumb": TouchMaxima(cci_max=1.0, eda_max=1400.0)}
-    plain = touched(TouchLoop(maxima, layout="paper32"))
-    felt = touched(TouchLoop(maxima, layout="paper32", felt=FeltMap(threshold=20)))
+    plain, felt = touched(), touched(felt=FeltMap(threshold=20))
     assert (plain[0], plain[16]) == (50, 50)
     assert (felt[0], felt[16]) == (60, 60)
     assert not any(felt[1:4])
-    loop = TouchLoop(maxima, layout="paper32", felt=FeltMap(threshold=20))
-    assert not loop.silence().intensities.any()
-
-
-def test_mirrored_the_thumb_is_at_the_other_end() -> None:
-    maxima = {"thumb": TouchMaxima(cci_max=1.0, eda_max=1400.0)}
-    back = touched(TouchLoop(maxima, layout="paper32", mirror="back"))
+    back = touched(mirror="back")  # the thumb is at the other end
     assert (back[0], back[3], back[16], back[19]) == (50, 0, 0, 50)
 
 
@@ -64,24 +59,18 @@ def test_the_weakest_motor_sets_how_far_all_go() -> None:
     assert set(np.delete(felt.intensities, 5).tolist()) == {40}
 
 
-def test_what_nobody_can_feel_is_refused() -> None:
-    with pytest.raises(InvalidValueError, match=r"threshold = 100 is out of range: 0 to 99 percent"):
-        FeltMap(threshold=100)
-    with pytest.raises(InvalidValueError, match=r"step = 0 is out of range"):
-        FeltMap(step=0)
-    with pytest.raises(InvalidValueError, match=r"step = nan"):
-        FeltMap(step=float("nan"))
-    with pytest.raises(ShapeError, match=r"threshold has shape \(3,\)"):
-        FeltMap(threshold=[1, 2, 3])
-
-
-def test_the_settings_take_one_number_or_forty() -> None:
-    vest = load_config(None, environ={}, sets=["vest.threshold=20", f"vest.step={[2.5] * 40}"]).config.vest
-    assert (vest.threshold, vest.step) == (20.0, (2.5,) * 40)
-    with pytest.raises(ConfigError, match=r"vest\.threshold = 120: expected a number <= 99"):
-        load_config(None, environ={}, sets=["vest.threshold=120"])
-    with pytest.raises(ConfigError, match=r"vest\.step = \[1, 2\]: expected a list of length >= 40"):
-        load_config(None, environ={}, sets=["vest.step=[1, 2]"])
+@pytest.mark.parametrize(
+    ("how", "error", "message"),
+    [
+        ({"threshold": 100}, InvalidValueError, r"threshold = 100 is out of range: 0 to 99 percent"),
+        ({"step": 0}, InvalidValueError, r"step = 0 is out of range"),
+        ({"step": float("nan")}, InvalidValueError, r"step = nan"),
+        ({"threshold": [1, 2, 3]}, ShapeError, r"threshold has shape \(3,\)"),
+    ],
+)
+def test_what_nobody_can_feel_is_refused(how: dict[str, Any], error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        FeltMap(**how)
 
 
 def test_one_motor_is_lit_for_its_time_and_then_none(tmp_path: Path) -> None:
@@ -102,19 +91,15 @@ def test_the_verb_names_the_place_of_every_motor_it_lights(
 ) -> None:
     out = tmp_path / "v.csv"
     words = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out}", "--seconds", "0.1"]
-    with pytest.raises(SystemExit) as done:
-        main(["vest", "identify", *words, "--motor", "3", "--motor", "36"])
-    assert done.value.code == 0
-    text = capsys.readouterr().out
+    text, _ = call(capsys, "vest", "identify", *words, "--motor", 3, "--motor", 36)
     assert text.splitlines() == [
         "motor  3: front, row 1 of 5 from the top, column 4 of 4 from the wearer's left",
         "motor 36: back, row 5 of 5 from the top, column 1 of 4 from the wearer's left",
     ]
     assert out.read_text().count("\n") == 9
-    with pytest.raises(SystemExit) as done:
-        main(["vest", "identify"])
-    assert done.value.code == 1
-    assert "hint: for example --set vest.driver=bhaptics-player" in capsys.readouterr().err
+    assert (
+        "hint: for example --set vest.driver=bhaptics-player" in call(capsys, "vest", "identify", code=1)[1]
+    )
 
 
 @pytest.fixture
@@ -165,14 +150,8 @@ def test_a_vest_that_is_worn_in_a_run_is_refused_to_other_programs(
         loaded = load_config(config).config
         with worn_vest(loaded.vest, dose_file(loaded.calibration)):
             words = [sys.executable, "-m", "tega.ui.cli", *verb, str(config)]
-            done = subprocess.run(
-                words,
-                capture_output=True,
-                text=True,
-                timeout=120,
-                check=False,
-                env={**os.environ, **lab.environment},
-            )
+            env = {**os.environ, **lab.environment}
+            done = subprocess.run(words, capture_output=True, text=True, check=False, env=env)
     assert done.returncode == 3, done.stderr
     assert "is in use by another program" in done.stderr
 
