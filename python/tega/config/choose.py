@@ -11,16 +11,7 @@ from tega.config.errors import explain
 from tega.config.stage_sections import DEFAULT_STAGES, StageConfig, StagesSection
 from tega.errors import ConfigError, TegaError
 from tega.haptics import FeltMap
-from tega.stages.base import (
-    Decoder,
-    FingerSetup,
-    GelTraits,
-    Metric,
-    MuscleSetup,
-    Reflex,
-    ReflexSetup,
-    VestSetup,
-)
+from tega.stages import base
 from tega.stages.registry import stage_class
 
 if TYPE_CHECKING:
@@ -29,7 +20,6 @@ if TYPE_CHECKING:
     from tega.config.calibration import EmgMaxima, TouchMaxima
     from tega.config.sections import SessionConfig, VestConfig
     from tega.config.stage_sections import BesideConfig
-    from tega.stages.base import Mapping as MappingStage
 
 
 Preset = Literal["paper", "live"]
@@ -83,16 +73,18 @@ def finger_metric(
     finger: str,
     baseline: NDArray[Any],
     calibration: TouchMaxima | None = None,
-) -> Metric:
+) -> base.Metric:
     """Make the metric of a finger."""
     maxima: dict[str, float] = {}
-    gel = GelTraits()
+    gel = base.GelTraits()
     if calibration is not None:
         known_gel = calibration.of_this_law()
-        gel = GelTraits(*(getattr(known_gel, name) for name in GelTraits._fields))
+        gel = base.GelTraits(*(getattr(known_gel, name) for name in base.GelTraits._fields))
         known: Mapping[str, float | None] = {"cci": calibration.cci_max, "eda": calibration.eda_max}
         maxima = {name: value for name, value in known.items() if value is not None}
-    metric: Metric = chosen_stage("metric", stages, preset).make(FingerSetup(finger, baseline, maxima, gel))
+    metric: base.Metric = chosen_stage("metric", stages, preset).make(
+        base.FingerSetup(finger, baseline, maxima, gel)
+    )
     return metric
 
 
@@ -104,20 +96,20 @@ def metric_choice(stages: StagesSection, preset: Preset) -> str:
 
 def preset_metric(
     preset: Preset, baseline: NDArray[Any], finger: str = "thumb", calibration: TouchMaxima | None = None
-) -> Metric:
+) -> base.Metric:
     """Make the metric of a preset with its default options."""
     return finger_metric(StagesSection(), preset, finger, baseline, calibration)
 
 
-def muscle_setup(calibration: EmgMaxima, preset: Preset) -> MuscleSetup:
+def muscle_setup(calibration: EmgMaxima, preset: Preset) -> base.MuscleSetup:
     """Return the setup of a decoder."""
     c = calibration
-    return MuscleSetup(c.kind, c.rate_hz, c.tau, c.channels, c.maxima, preset)
+    return base.MuscleSetup(c.kind, c.rate_hz, c.tau, c.channels, c.maxima, preset)
 
 
-def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima) -> Decoder:
+def muscle_decoder(stages: StagesSection, preset: Preset, calibration: EmgMaxima) -> base.Decoder:
     """Make the decoder of the muscles."""
-    decoder: Decoder = chosen_stage("decoder", stages, preset).make(muscle_setup(calibration, preset))
+    decoder: base.Decoder = chosen_stage("decoder", stages, preset).make(muscle_setup(calibration, preset))
     return decoder
 
 
@@ -140,7 +132,7 @@ def block_s(config: SessionConfig) -> float:
     return seconds
 
 
-def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[VestSetup], MappingStage]:
+def vest_mapping(stages: StagesSection, preset: Preset) -> Callable[[base.VestSetup], base.Mapping]:
     """Return the function that makes the mapping of the vest."""
     return chosen_stage("mapping", stages, preset).make
 
@@ -152,9 +144,9 @@ def felt_map(vest: VestConfig) -> FeltMap | None:
     return FeltMap(threshold=vest.threshold, step=vest.step)
 
 
-def grip_reflex(stages: StagesSection, preset: Preset, fingers: Iterable[str]) -> Reflex | None:
+def grip_reflex(stages: StagesSection, preset: Preset, fingers: Iterable[str]) -> base.Reflex | None:
     """Make the reflex of the settings; ``None`` where they name none."""
     if stages.reflex.name is None:
         return None
-    reflex: Reflex = chosen_stage("reflex", stages, preset).make(ReflexSetup(tuple(fingers)))
+    reflex: base.Reflex = chosen_stage("reflex", stages, preset).make(base.ReflexSetup(tuple(fingers)))
     return reflex

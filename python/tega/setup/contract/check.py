@@ -10,22 +10,8 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from tega.devices.base import (
-    ArmDriver,
-    Device,
-    DeviceInfo,
-    DiscoveringDevice,
-    EmgSource,
-    Found,
-    HandDriver,
-    HarmlessDevice,
-    InputSource,
-    Options,
-    SteeredHand,
-    TactileSource,
-    Tracker,
-    VestSink,
-)
+from tega.devices import base
+from tega.devices.base import Device, Options
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import vest_frame
 from tega.setup.contract.devices import (
@@ -40,7 +26,7 @@ from tega.wire import allegro_torque_frames
 
 
 class _Kind(NamedTuple):
-    """What a device of a kind is, what it cannot do while closed, and its check."""
+    """Protocol of a kind of device, a use that needs an open one, and the check."""
 
     protocol: Any
     use: Callable[[Any], object]
@@ -49,7 +35,7 @@ class _Kind(NamedTuple):
 
 def check_hand(hand: Any, _most_items: int) -> None:
     """Check a hand that closes its own loop, or one that only takes frames."""
-    if not isinstance(hand, SteeredHand):
+    if not isinstance(hand, base.SteeredHand):
         _check_frames_sent(hand)
         return
     with hand:
@@ -74,7 +60,7 @@ def _check_frames_sent(hand: Any) -> None:
         hand.write(3_000_000, allegro_torque_frames(np.zeros(16)))
 
 
-def check_vest(vest: VestSink, _most_items: int) -> None:
+def check_vest(vest: base.VestSink, _most_items: int) -> None:
     """Check a vest."""
     with vest:
         frame = vest_frame([10, 20, 30, 40], [50, 60, 70, 80])
@@ -85,20 +71,20 @@ def check_vest(vest: VestSink, _most_items: int) -> None:
 
 
 def _use_hand(hand: Any) -> None:
-    if isinstance(hand, SteeredHand):
+    if isinstance(hand, base.SteeredHand):
         hand.step(1)
     else:
         hand.write(0, allegro_torque_frames(np.zeros(16)))
 
 
 _KINDS = {
-    "tactile": _Kind(TactileSource, lambda camera: camera.read(0.0), check_source),
-    "emg": _Kind(EmgSource, lambda amplifier: amplifier.read(0.0), check_source),
-    "vest": _Kind(VestSink, lambda vest: vest.write(0, vest_frame([0] * 4, [0] * 4)), check_vest),
-    "hand": _Kind(HandDriver | SteeredHand, _use_hand, check_hand),
-    "input": _Kind(InputSource, lambda source: source.state(), check_input),
-    "tracker": _Kind(Tracker, lambda tracker: tracker.read(0), check_tracker),
-    "arm": _Kind(ArmDriver, lambda arm: arm.measured(), check_arm),
+    "tactile": _Kind(base.TactileSource, lambda camera: camera.read(0.0), check_source),
+    "emg": _Kind(base.EmgSource, lambda amplifier: amplifier.read(0.0), check_source),
+    "vest": _Kind(base.VestSink, lambda vest: vest.write(0, vest_frame([0] * 4, [0] * 4)), check_vest),
+    "hand": _Kind(base.HandDriver | base.SteeredHand, _use_hand, check_hand),
+    "input": _Kind(base.InputSource, lambda source: source.state(), check_input),
+    "tracker": _Kind(base.Tracker, lambda tracker: tracker.read(0), check_tracker),
+    "arm": _Kind(base.ArmDriver, lambda arm: arm.measured(), check_arm),
 }
 _POLL_S = 1.0
 
@@ -124,7 +110,7 @@ def _check_description(driver: type[Device], options: Options) -> None:
 
 
 def _check_discover(driver: type[Device], options: Options) -> None:
-    if not isinstance(driver, DiscoveringDevice):
+    if not isinstance(driver, base.DiscoveringDevice):
         return
     try:
         found = driver.discover(_POLL_S)
@@ -133,7 +119,7 @@ def _check_discover(driver: type[Device], options: Options) -> None:
         return
     name = driver(options).info.driver
     for one in found:
-        rule(isinstance(one, Found), "discover gives Founds")
+        rule(isinstance(one, base.Found), "discover gives Founds")
         rule(bool(one.label), "a found device has a label")
         rule(one.driver == name, "a found device names this driver")
         rule(not one.hint or bool(one.problem), "a hint is for a problem")
@@ -145,7 +131,7 @@ def _check_discover(driver: type[Device], options: Options) -> None:
 
 
 def _check_harmless(driver: type[Device], options: Options) -> None:
-    if not isinstance(driver, HarmlessDevice):
+    if not isinstance(driver, base.HarmlessDevice):
         return
     harmless = driver.harmless(options)
     if harmless is None:
@@ -161,7 +147,7 @@ def _check_harmless(driver: type[Device], options: Options) -> None:
 def _check_lifecycle(driver: type[Device], options: Options) -> None:
     device, kind = driver(options), _KINDS[driver.kind]
     rule(isinstance(device, kind.protocol), f"meets the {driver.kind} protocol")
-    rule(isinstance(device.info, DeviceInfo), "info is readable while closed")
+    rule(isinstance(device.info, base.DeviceInfo), "info is readable while closed")
     rule(device.info.kind == driver.kind, "info.kind is the driver's kind")
     rule("/" not in device.info.label and "\\" not in device.info.label, "info.label is no path")
     device.close()

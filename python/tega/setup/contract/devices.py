@@ -13,16 +13,7 @@ import numpy as np
 
 from tega.arm.frames import FRAMES
 from tega.arm.pose import ArmCommand, StampedPose
-from tega.devices.base import (
-    ArmDriver,
-    EmgSource,
-    InputEvent,
-    InputReading,
-    InputSource,
-    SkippingSource,
-    TactileSource,
-    Tracker,
-)
+from tega.devices import base
 from tega.errors import DeviceUnavailableError
 
 
@@ -45,7 +36,7 @@ def refuses(call: Callable[[], object], error: type[Exception], text: str) -> No
 _MOST_READS = 100_000
 
 
-def check_source(source: TactileSource | EmgSource, most_items: int) -> None:
+def check_source(source: base.TactileSource | base.EmgSource, most_items: int) -> None:
     """Check a camera or an amplifier: so many items of a live one, a recording to its end."""
     with source:
         first = _read_all(source, most_items)
@@ -68,11 +59,11 @@ def check_source(source: TactileSource | EmgSource, most_items: int) -> None:
     with source:
         again = _read_all(source, most_items)
     rule([item.t_ns for item in again] == times, "opened again, a recording starts from its beginning")
-    if isinstance(source, SkippingSource):
+    if isinstance(source, base.SkippingSource):
         _check_skip(source)
 
 
-def _check_skip(source: SkippingSource) -> None:
+def _check_skip(source: base.SkippingSource) -> None:
     """Check that a recording can pass over frames."""
     with source:
         frames = _read_all(source, 0)
@@ -88,7 +79,7 @@ def _check_skip(source: SkippingSource) -> None:
         rule(source.read(0.0) is None, "skipping past the end reaches the end")
 
 
-def _read_all(source: TactileSource | EmgSource, most_items: int) -> list[Any]:
+def _read_all(source: base.TactileSource | base.EmgSource, most_items: int) -> list[Any]:
     items: list[Any] = []
     content: list[bytes] = []
     for _ in range(_MOST_READS):
@@ -135,12 +126,12 @@ _TRACKED_S, _POLL_S = 3.0, 0.01
 _STILL_M = 0.002
 
 
-def check_input(source: InputSource, _most_items: int) -> None:
+def check_input(source: base.InputSource, _most_items: int) -> None:
     """Check an operator's input device."""
     with source:
         for _ in range(100):
             state = source.state()
-            rule(type(state) is InputReading and type(state.t_ns) is int, "state gives an InputState")
+            rule(type(state) is base.InputReading and type(state.t_ns) is int, "state gives an InputState")
             rule(len(state.motion) == 6, "motion has six axes")
             rule(all(-1.0 <= share <= 1.0 for share in state.motion), "motion lies within -1 and 1")
             rule(isinstance(state.held, frozenset), "held is a frozenset")
@@ -149,13 +140,13 @@ def check_input(source: InputSource, _most_items: int) -> None:
                 "without data nothing moves and nothing is held",
             )
             events = list(source.events())
-            rule(all(isinstance(e, InputEvent) for e in events), "events gives InputEvents")
+            rule(all(isinstance(e, base.InputEvent) for e in events), "events gives InputEvents")
             numbers = [e.seq for e in events]
             rule(numbers == sorted(set(numbers)), "the numbers of events rise")
     refuses(source.events, DeviceUnavailableError, "asking a closed device for events")
 
 
-def check_tracker(tracker: Tracker, most_items: int) -> None:
+def check_tracker(tracker: base.Tracker, most_items: int) -> None:
     """Check a tracker of the forearm; of a live one so many poses are looked at."""
     rule(tracker.frame in FRAMES, f"frame is one of {', '.join(FRAMES)}")
     poses: list[StampedPose] = []
@@ -173,7 +164,7 @@ def check_tracker(tracker: Tracker, most_items: int) -> None:
     rule(times == sorted(times), "t_ns never decreases")
 
 
-def check_arm(arm: ArmDriver, _most_items: int) -> None:
+def check_arm(arm: base.ArmDriver, _most_items: int) -> None:
     """Check an arm without taking control of it: it reports its position, and does not move."""
     nothing = np.zeros(3)
     with arm:

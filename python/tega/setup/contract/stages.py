@@ -13,16 +13,7 @@ from tega.haptics import FINGERS, MotorLevels
 from tega.haptics.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent, NamedValue
 from tega.setup.contract.devices import rule
-from tega.stages.base import (
-    Decoder,
-    FingerSetup,
-    Mapping,
-    Metric,
-    MuscleSetup,
-    Reflex,
-    ReflexSetup,
-    VestSetup,
-)
+from tega.stages import base
 
 _FRAME_NS = 16_666_667
 
@@ -39,11 +30,11 @@ def check_stage(stage: Any, options: Any = None) -> None:
     rule(not stage.requires or bool(stage.extra), "a stage that requires packages names the extra")
     options = stage.options_type() if options is None else options
     rule(isinstance(options, stage.options_type), "the options given are of the stage's options_type")
-    if issubclass(stage, Metric):
+    if issubclass(stage, base.Metric):
         check_metric(stage, options)
-    elif issubclass(stage, Decoder):
+    elif issubclass(stage, base.Decoder):
         check_decoder(stage, options)
-    elif issubclass(stage, Reflex):
+    elif issubclass(stage, base.Reflex):
         check_reflex(stage, options)
     else:
         check_mapping(stage, options)
@@ -53,7 +44,7 @@ def _one_line(text: str) -> bool:
     return bool(text) and "\n" not in text
 
 
-def check_metric(metric: type[Metric], options: Any) -> None:
+def check_metric(metric: type[base.Metric], options: Any) -> None:
     """Check a metric on a gel that is pressed and let go."""
     baseline = np.full((240, 320, 3), 90, np.uint8)
     baseline[:, :, 1] += np.arange(320, dtype=np.uint8) // 8
@@ -62,7 +53,7 @@ def check_metric(metric: type[Metric], options: Any) -> None:
     rule(all(units), "units names every value of its own")
 
     def run() -> list[Contact]:
-        made: Any = metric(FingerSetup("index", baseline.copy()), options)  # type: ignore[call-arg]
+        made: Any = metric(base.FingerSetup("index", baseline.copy()), options)  # type: ignore[call-arg]
         found = []
         for number, frame in enumerate(frames):
             frame.flags.writeable = False
@@ -103,7 +94,7 @@ def _pressed(baseline: NDArray[np.uint8], depth: float) -> NDArray[np.uint8]:
     return image
 
 
-def check_decoder(decoder: type[Decoder], options: Any) -> None:
+def check_decoder(decoder: type[base.Decoder], options: Any) -> None:
     """Check a decoder on three channels that are at rest, squeeze, lose samples and let go."""
     rate_hz = 1000.0
     block_s = decoder.block_s(options)
@@ -113,7 +104,9 @@ def check_decoder(decoder: type[Decoder], options: Any) -> None:
     samples = rng.standard_normal((len(effort), 3)) * 100.0 * effort[:, None]
     samples[1200:1400] = np.nan
     times_ns = np.arange(1, len(samples) + 1) * 1_000_000
-    setup = MuscleSetup("raw", rate_hz, round(block_s * rate_hz), ("a", "b", "c"), (80.0, 80.0, 80.0), "live")
+    setup = base.MuscleSetup(
+        "raw", rate_hz, round(block_s * rate_hz), ("a", "b", "c"), (80.0, 80.0, 80.0), "live"
+    )
 
     def run(size: int) -> list[Intent]:
         made: Any = decoder(setup, options)  # type: ignore[call-arg]
@@ -139,11 +132,11 @@ def check_decoder(decoder: type[Decoder], options: Any) -> None:
         rule(repr(run(size)) == repr(whole), "the same intents come however the samples are cut into chunks")
 
 
-def check_mapping(mapping: type[Mapping], options: Any) -> None:
+def check_mapping(mapping: type[base.Mapping], options: Any) -> None:
     """Check a mapping on every layout that comes with TEGA."""
     for layout in SHIPPED.values():
         maxima = {finger: {"cci": 0.1, "eda": 8000.0} for finger in FINGERS}
-        made: Any = mapping(VestSetup(layout, FINGERS, maxima), options)  # type: ignore[call-arg]
+        made: Any = mapping(base.VestSetup(layout, FINGERS, maxima), options)  # type: ignore[call-arg]
         n = len(layout.motors)
         rule(_percents(made.levels(0, {}, ()), n).max() == 0, "without a fresh finger every motor rests")
         for step in range(1, 40):
@@ -166,11 +159,11 @@ def check_mapping(mapping: type[Mapping], options: Any) -> None:
         )
 
 
-def check_reflex(reflex: type[Reflex], options: Any) -> None:
+def check_reflex(reflex: type[base.Reflex], options: Any) -> None:
     """Check a reflex on an object that is touched, slips, is lost from sight, and is let go."""
 
     def run() -> list[tuple[float, str]]:
-        made: Any = reflex(ReflexSetup(FINGERS), options)  # type: ignore[call-arg]
+        made: Any = reflex(base.ReflexSetup(FINGERS), options)  # type: ignore[call-arg]
         found = []
         for step in range(1, 400):
             t_ns = step * 3_000_000
