@@ -44,11 +44,9 @@ def counted(person: str, condition: str, slips: int = 0, **more: Any) -> Trial:
 
 
 class ScriptedDesk:
-    """A desk that answers each question in turn, presses what :meth:`observe` adds, and keeps what is said.
+    """A desk that presses what :meth:`observe` adds, and keeps what is said.
 
-    Args:
-        rating: Key that answers each question after a block; empty for a desk that presses nothing there.
-        answer: To every line that is asked for; ``None`` where none may be.
+    ``rating`` answers each question after a block, if any; ``answer`` every line that is asked for, if any may be.
     """
 
     def __init__(self, *, rating: str = "-", answer: str | None = None) -> None:

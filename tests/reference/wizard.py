@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Self
 
 import pytest
 
@@ -40,30 +40,25 @@ class Wizard:
         self, words: list[str], answer: Answer, received: Callable[[str], None] = lambda _line: None
     ) -> None:
         self.lines: list[str] = []
-        self.code: int | None = None
         self.out = ""
         self._answer, self._received = answer, received
         command, pipe = [sys.executable, "-m", "tega.ui.cli", *words], subprocess.PIPE
         self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe, text=True, bufsize=1)
 
-    def run(self) -> int:
-        """Talk until it ends; return its exit code."""
-        out: list[str] = []
+    def run(self, code: int = 0) -> Self:
+        """Talk until it ends with this exit code."""
         with self._process as process:
             assert process.stdin is not None
             assert process.stdout is not None
             assert process.stderr is not None
-            reader = threading.Thread(target=out.extend, args=(process.stdout,), daemon=True)
-            reader.start()
             try:
                 for line in process.stderr:
                     self._receive(line.rstrip("\n"), process.stdin)
-                self.code = code = process.wait(30)
+                self.out = process.stdout.read()  # JSON, which a pipe holds until then
+                assert process.wait(30) == code, self.said
             finally:  # a person who leaves in the middle takes the command along
                 process.kill()
-                reader.join()
-        self.out = "".join(out)
-        return code
+        return self
 
     def _receive(self, line: str, typed: IO[str]) -> None:
         self.lines.append(line)
@@ -191,8 +186,6 @@ def teleop(*words: str) -> int:
     return code
 
 
-def calibrate(file: Path, answer: Any, *more: str) -> Wizard:
+def calibrate(file: Path, answer: Answer, *more: str, code: int = 0) -> Wizard:
     how = "--person", "p01", "--json", "--time-scale", "0.2", "--pause-s", "0"
-    wizard = Wizard(["calibrate", str(file), *how, *more], answer)
-    wizard.run()
-    return wizard
+    return Wizard(["calibrate", str(file), *how, *more], answer).run(code)

@@ -212,9 +212,8 @@ def test_the_verb_teaches_on_an_emulated_vest(tmp_path: Path) -> None:
             "[stages.mapping]\nname = 'pulses'\n[tactile.index]\ndriver = 'synthetic-touch'\n"
         )
         words = ["vest", "learn", str(tmp_path / "lab.toml"), "--person", "p01", "--questions", "2", "--json"]
-        person = Wizard([*words, "--test-only"], lambda prompt: "n" if "slip" in prompt else "")
-        assert person.run() == 0, person.lines
-        reported: Any = json.loads(person.out)
+        person = Wizard([*words, "--test-only"], lambda prompt: "n" if "slip" in prompt else "").run()
+        reported: Any = person.reported
         history = seen_by(player).history
     assert reported["mapping"] == "pulses"
     assert reported["aspects"] == [{"aspect": "slip", "asked": 4, "right": 0.5, "chance": 0.5}]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reference.kept import muscles
 from reference.squeezes import squeezes
-from reference.wizard import RESTING, Mover, Wizard, records
+from reference.wizard import RESTING, Answer, Mover, Wizard, records
 from tega.config import load_config
 from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import EmgRecord
@@ -85,10 +85,9 @@ class Bench(NamedTuple):
         CalibrationFolder(self.file.parent / "calibrations").keep(record)
         return record
 
-    def recalibrates(self, answer: Callable[[str], str | None], *words: str) -> Wizard:
-        wizard = Wizard(["emg", "recalibrate", str(self.file), "--person", "p01", "--json", *words], answer)
-        wizard.run()
-        return wizard
+    def recalibrates(self, answer: Answer, *words: str, code: int = 0) -> Wizard:
+        command = ["emg", "recalibrate", str(self.file), "--person", "p01", "--json"]
+        return Wizard([*command, *words], answer).run(code)
 
 
 def bench(board: Emulator, folder: Path, rate_hz: float) -> Bench:
@@ -133,7 +132,6 @@ def recalibrated(
         rest, effort = (mean_values(samples, rate_hz // 10) for samples in first)
         kept = at.knows(np.percentile(effort, 95, axis=0), np.median(rest, axis=0))
         wizard = at.recalibrates(Player(board, folder, *today), *with_model(folder / "p01.json"))
-    assert wizard.code == 0, wizard.said
     return LearnedDecoder.load(Path(wizard.reported["model"])), kept, Path(wizard.reported["record"])
 
 
@@ -221,7 +219,6 @@ QUICK = ("--time-scale", "0.3")
 
 def test_maxima_alone_are_put_to_today(known: Bench) -> None:
     wizard = known.recalibrates(Mover(known.board, full=0.5), *QUICK)
-    assert wizard.code == 0, wizard.said
     assert wizard.reported["model"] is None
     record = tomllib.loads(Path(wizard.reported["record"]).read_text())
     assert 0.35 < record["scale"] < 0.65
@@ -254,8 +251,7 @@ def test_a_bad_recording_is_refused_and_nothing_is_written(
 ) -> None:
     known.board.say(f"signal {signal}")
     before = files(known)
-    wizard = known.recalibrates(Mover(known.board, full=full), "--yes", "--time-scale", "0.6", *words)
-    assert wizard.code == 1
+    wizard = known.recalibrates(Mover(known.board, full=full), "--yes", "--time-scale", "0.6", *words, code=1)
     assert text in wizard.said
     assert "hint: " in wizard.said
     assert files(known) == before
@@ -287,8 +283,7 @@ def test_a_model_that_does_not_fit_is_refused_before_anybody_rests(
 ) -> None:
     words = with_model(some_model(known.file.parent, **options))
     before = files(known)
-    wizard = known.recalibrates(Mover(known.board), *words)
-    assert wizard.code == 1
+    wizard = known.recalibrates(Mover(known.board), *words, code=1)
     assert text in wizard.said
     assert not [line for line in wizard.lines if line.startswith(">")]
     assert files(known) == before
@@ -299,8 +294,7 @@ def test_a_model_that_would_not_tell_rest_from_effort_is_not_written(known: Benc
     # Hardly stronger than rest, and kept in spite of what the wizard says of it.
     known.knows(np.full(3, 5.0), np.full(3, 2.0))
     before = files(known)
-    wizard = known.recalibrates(Mover(known.board, full=0.045, kept="k"), *words)
-    assert wizard.code == 1, wizard.said
+    wizard = known.recalibrates(Mover(known.board, full=0.045, kept="k"), *words, code=1)
     assert "are needed" in wizard.said
     assert "of rest and" in wizard.said
     assert files(known) == before
@@ -311,7 +305,6 @@ def test_the_new_model_is_a_file_of_its_own_where_it_is_asked_for(known: Bench) 
     out = known.file.parent / "today.json"
     old = model.read_bytes()
     wizard = known.recalibrates(Mover(known.board, full=0.6), *with_model(model), "--out", str(out))
-    assert wizard.code == 0, wizard.said
     assert wizard.reported["model"] == str(out)
     assert model.read_bytes() == old
     weak = np.random.default_rng(4).normal(size=(2000, 3)) * 36

@@ -65,29 +65,16 @@ def of_onnx(group: str, folder: Path) -> Context:
     """Return two ONNX models, of pictures or of the lift's muscles, each with a card of the same outputs."""
     pytest.importorskip("onnx", reason="needs the package onnx")
     pytest.importorskip("onnxruntime", reason="needs the extra onnx")
-    from reference.onnx_models import (
-        EMG_CARD,
-        EMG_WEIGHTS,
-        HEIGHT,
-        PICTURE_CARD,
-        PICTURE_WEIGHTS,
-        WIDTH,
-        model,
-        written,
-    )
+    from reference import onnx_models as made
 
+    card, weights, shape = made.EMG_CARD, made.EMG_WEIGHTS, [1, 3, 100]
     if group == "metric":
-        card, weights, shape = PICTURE_CARD, PICTURE_WEIGHTS, [1, 3, HEIGHT, WIDTH]
-    else:
-        card, weights, shape = EMG_CARD, EMG_WEIGHTS, [1, 3, 100]
+        card, weights, shape = made.PICTURE_CARD, made.PICTURE_WEIGHTS, [1, 3, made.HEIGHT, made.WIDTH]
     pairs = []
     for name, factor in (("one", 1.0), ("two", 0.5)):
         (folder / name).mkdir()
-        pairs.append(
-            written(
-                folder / name, model(np.float32(factor) * weights, shape, square=group == "decoder"), card
-            )
-        )
+        model = made.model(np.float32(factor) * weights, shape, square=group == "decoder")
+        pairs.append(made.written(folder / name, model, card))
     files, cards = zip(*pairs, strict=True)
     # On a busy machine a result has to be in time, too.
     given: dict[str, Sequence[Any]] = {"model": files, "card": cards, "delay_ms": [500.0, 300.0]}

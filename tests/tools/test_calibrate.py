@@ -59,7 +59,6 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         _, err = call(capsys, "run", file, *SECOND, code=1)
         assert f"hint: tega-teleop calibrate {file} --person ID" in err
         wizard = calibrate(file, Presser(sensor))
-        assert wizard.code == 0, wizard.said
         kept = list(records(tmp_path / "calibrations"))
         assert [name.split("/")[0] for name in kept] == ["gels", "gels", "people"]
         assert kept[-1] == "people/p01/touch-D20641.toml"
@@ -106,7 +105,6 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
     calibrated: Muscles, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     wizard = calibrated.wizard
-    assert wizard.code == 0, wizard.said
     file = calibrated.copied(tmp_path)
     (found,) = wizard.reported["files"]
     record = found["record"]
@@ -143,13 +141,11 @@ def test_muscles_are_calibrated_and_a_run_refuses_what_does_not_fit(
 def test_too_few_presses_are_told_and_gone_on_with(tmp_path: Path) -> None:
     with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
-        wizard = calibrate(file, Presser(sensor, [0.9]), "--time-scale", "0.05")
-        assert wizard.code == 130
+        wizard = calibrate(file, Presser(sensor, [0.9]), "--time-scale", "0.05", code=130)
         assert "only 1 of 3 firm presses were seen" in wizard.said
         assert "Left: tactile.thumb" in wizard.said
         # The baseline is kept, and not asked for again.
         again = calibrate(file, Presser(sensor))
-        assert again.code == 0, again.said
         assert "done: tactile.thumb.baseline" in again.said
         assert not [line for line in again.lines if "take everything off" in line]
 
@@ -158,8 +154,7 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
     with Emulator("digit") as sensor:
         file = lab(tmp_path, thumb(sensor))
         sensor.say("press 0.9")
-        refused = calibrate(file, Presser(sensor), "--yes")
-        assert refused.code == 1
+        refused = calibrate(file, Presser(sensor), "--yes", code=1)
         assert "does something touch the gel?" in refused.said
         assert not (tmp_path / "calibrations" / "gels").exists()
         requested: list[str] = []
@@ -172,13 +167,11 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
             return presser(prompt)
 
         presser = Presser(sensor)
-        wizard = calibrate(file, lets_go)
-        assert wizard.code == 0, wizard.said
+        calibrate(file, lets_go)
         assert len(requested) == 1
         sensor.say("wear dimmer")
         sensor.say("wear dark-spot")
         keeps = calibrate(file, lambda prompt: "k" if "what now" in prompt else presser(prompt), "--refresh")
-        assert keeps.code == 0, keeps.said
         assert "counts darker than on 2" in keeps.said
         assert "a dark spot of " in keeps.said
         record = keeps.reported["files"][0]["record"]
@@ -187,26 +180,13 @@ def test_a_touched_baseline_is_asked_for_again_and_gels_are_compared(tmp_path: P
 
 
 def test_exchanged_electrodes_and_half_hearted_squeezes_are_told(tmp_path: Path) -> None:
-    def loosened() -> Wizard:
-        (tmp_path / "loose").mkdir()
-        with Emulator("ascii_board", "--signal", "emg") as board:
-            board.say("signal hum 2")
-            file = lab(tmp_path / "loose", muscles(board))
-            return calibrate(file, Mover(board), "--time-scale", "0.6", "--yes")
-
-    with ThreadPoolExecutor() as pool, Emulator("ascii_board", "--signal", "emg") as board:
-        loose = pool.submit(loosened)
+    with Emulator("ascii_board", "--signal", "emg") as board:
         file = lab(tmp_path, muscles(board))
-        wizard = calibrate(file, Mover(board, wired=(2, 1, 3)))
-        assert wizard.code == 130
+        wizard = calibrate(file, Mover(board, wired=(2, 1, 3)), code=130)
         assert "ch1 and ch2 look swapped: each rises with the muscle of the other" in wizard.said
         assert wizard.reported["done"] == ["emg.rest", "emg.squeezes"]
-        wizard = calibrate(file, Mover(board, full=2 * RESTING), "--restart")
-        assert wizard.code == 130
+        wizard = calibrate(file, Mover(board, full=2 * RESTING), "--restart", code=130)
         assert "a strong squeeze is only" in wizard.said
-        wizard = loose.result()
-        assert wizard.code == 1
-        assert "ch2: mostly 50 Hz mains: electrode or reference loose, or lifted off" in wizard.said
 
 
 def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
@@ -214,13 +194,11 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
 ) -> None:
     board, first = calibrated.board, calibrated.wizard
     (tmp_path / "new").mkdir()
-    nothing = calibrate(lab(tmp_path / "new", muscles(board)), Mover(board), "--refresh")
-    assert nothing.code == 1
+    nothing = calibrate(lab(tmp_path / "new", muscles(board)), Mover(board), "--refresh", code=1)
     assert "p01 has no calibration on" in nothing.said
     file = calibrated.copied(tmp_path)
     today = Mover(board, full=1.5)
     wizard = calibrate(file, today, "--refresh")
-    assert wizard.code == 0, wizard.said
     before, after = (w.reported["files"][0]["record"] for w in (first, wizard))
     assert 1.15 < after["scale"] < 1.95
     assert after["made"] == before["made"]
@@ -228,12 +206,10 @@ def test_a_refresh_follows_the_scale_of_the_day_and_practice_is_scored(
     assert after["live_max"][0] > 1.05 * before["live_max"][0]
     assert len(list((tmp_path / "calibrations/people/p01/before").iterdir())) == 1
     today.full = 0.4
-    changed = calibrate(file, today, "--refresh")
-    assert changed.code == 1
+    changed = calibrate(file, today, "--refresh", code=1)
     assert "times its signal at the calibration" in changed.said
     board.say(f"effort {RESTING}")
-    tracked = Wizard(["practice", str(file), *P01, "--seconds", "10", "--json"], lambda _prompt: "")
-    assert tracked.run() == 0, tracked.said
+    tracked = Wizard(["practice", str(file), *P01, "--seconds", "10", "--json"], lambda _prompt: "").run()
     # Hand at rest all the time: right only while the curve asks for level 1.
     assert 20 < tracked.reported["in_target_percent"] < 70
     assert tracked.reported["rms_error_levels"] > 0.5
@@ -247,15 +223,9 @@ def test_a_fitts_test_of_a_hand_at_rest_hits_nothing_and_is_kept(calibrated: Mus
     calibrated.board.say(f"effort {RESTING}")
     reported = []
     for decoder in ("rules", "proportional"):
-        words = [
-            "--movements=1",
-            "--dwell-s=0.3",
-            "--timeout-s=0.5",
-            "--set",
-            f"stages.decoder.name={decoder}",
-        ]
-        tested = Wizard(["emg", "fitts", str(file), *P01, "--json", *words], lambda _prompt: "")
-        assert tested.run() == 0, tested.said
+        chosen = f"stages.decoder.name={decoder}"
+        words = ["--movements=1", "--dwell-s=0.3", "--timeout-s=0.5", "--set", chosen]
+        tested = Wizard(["emg", "fitts", str(file), *P01, "--json", *words], lambda _prompt: "").run()
         reported.append(tested.reported)
     # Six distances and widths, once each; whatever the rest twitches, nobody squeezed to level 3.
     assert [(one["decoder"], one["movements"]) for one in reported] == [("rules", 6), ("proportional", 6)]
@@ -277,5 +247,5 @@ def test_a_fitts_test_is_done_on_a_page(calibrated: Muscles, tmp_path: Path) -> 
             page.get_by_role("button", name="Ready").click()
             page.get_by_text(re.compile(r"± 0\.\d\d level")).wait_for()
             page.get_by_text("bits/s").wait_for()
-        assert running.result(30) == 0, tested.said
+        running.result(30)
     assert tested.reported["movements"] == 6

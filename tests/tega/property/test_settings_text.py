@@ -13,7 +13,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from tega.config import check_tree, load_config
+from tega.config import check_tree, load_config, override_tree
 from tega.config.check import LEAST, MOST, check_magnitudes
 from tega.devices import Found
 from tega.errors import ConfigError, UnsafeNameError
@@ -137,22 +137,13 @@ KEYS = (
 )
 
 
-def tree_with(key: str, value: float) -> dict[str, Any]:
+@given(st.sampled_from(KEYS), st.one_of(TINY, HUGE), st.booleans())
+def test_a_number_of_no_size_is_refused_by_its_key(key: str, value: float, negative: bool) -> None:
     tree: dict[str, Any] = {
         "tactile": {"thumb": {"driver": "picture-stack", "options": {"file": "a.npy"}}},
         "emg": {"driver": "emg-file", "kind": "raw", "options": {"file": "a.npy"}},
     }
-    *path, last = key.split(".")
-    table = tree
-    for name in path:
-        table = table.setdefault(name, {})
-    table[last] = value
-    return tree
-
-
-@given(st.sampled_from(KEYS), st.one_of(TINY, HUGE), st.booleans())
-def test_a_number_of_no_size_is_refused_by_its_key(key: str, value: float, negative: bool) -> None:
-    tree = tree_with(key, -value if negative else value)
+    override_tree(tree, [f"{key}={-value if negative else value!r}"])
     with tempfile.TemporaryDirectory() as folder, pytest.raises(ConfigError) as refused:
         check_tree(tree, {}, base=Path(folder))
     assert f"{key} = " in refused.value.message

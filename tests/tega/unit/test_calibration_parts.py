@@ -19,7 +19,7 @@ from tega.config.calibration.folder import CalibrationFolder, device_name
 from tega.config.calibration.records import TouchRecord, VestCalibration, read_record
 from tega.config.calibration.store import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
-from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, InvalidValueError, TegaError
+from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, TegaError
 from tega.runtime.opencv import read_image
 from tega.setup.calibration.effort import judge_muscles, judge_quiet, judge_squeezes
 from tega.setup.calibration.gel import judge_rest, suspect_contact
@@ -143,10 +143,7 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
     assert folder.others("p03", "touch", "D1") == "there is one of p01, p02"
 
 
-def test_a_person_s_code_cannot_leave_the_folder(tmp_path: Path) -> None:
-    for code in ("../p01", "", "a b", ".hidden", "x" * 129):
-        with pytest.raises(InvalidValueError, match="cannot be the name of a file"):
-            CalibrationFolder(tmp_path).person(code)
+def test_a_device_s_name_cannot_leave_the_folder() -> None:
     info = DeviceInfo(driver="d", kind="vest", label="../../etc: x", live=True)
     assert "/" not in device_name(info)
     assert not device_name(info).startswith(".")

@@ -12,14 +12,12 @@ from rich.console import Console
 
 from reference.held import PEDAL, TWO
 from reference.parts import observed
-from reference.played import finger, muscles
+from reference.played import finger
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
-from tega.records import AdaptationSwitch
-from tega.records.bus import Bus
 from tega.ui.view.state import ViewState
 from tega.ui.view.terminal import render
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -78,33 +76,6 @@ def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
     page = pytest.importorskip("tega.ui.view.browser.state_html", reason="needs the extra tega[view]")
     for drawn in (console.export_text(), page.status_html(ViewState(seen[-1].t_ns, seen[-1]))):
         assert all(text in drawn for text in ("dead man", "x +1.00", "held, 1 press"))
-
-
-def test_a_pedal_undoes_the_adaptation_of_the_muscles() -> None:
-    bus, switches, pressed = Bus(), list[AdaptationSwitch](), list[bool]()
-    bus.subscribe(AdaptationSwitch, switches.append)
-    with (
-        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
-        HidPort(HidBoard(foot.port, *PEDAL)).installed(),
-    ):
-        settings = {
-            "session": {"duration_s": 30.0},
-            "emg": muscles(30.0, seed=1),
-            "stages": {"adaptation": {"on": True}},
-            "input": {"undo": {"driver": "pedal", "button": "c"}},
-        }
-
-        def press_once(view: LoopView) -> None:
-            if not pressed and view.inputs:
-                pressed.append(foot.say("press 1") is not None)
-
-        run_session(
-            check_tree(settings, {}, base=Path.cwd()).config,
-            controls=Controls(stop=lambda: any(switch.n_undone == 1 for switch in switches)),
-            bus=observed(press_once, bus),
-        )
-    assert pressed
-    assert switches[-1].n_undone == 1
 
 
 def test_a_run_that_names_a_missing_input_does_not_begin() -> None:

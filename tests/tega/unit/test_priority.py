@@ -113,19 +113,16 @@ def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
     def check(_view: LoopView) -> None:
         frozen.append(gc.get_freeze_count())
 
+    with run_realtime("act") as granted:
+        pass
     with emulated_lab(tmp_path, emg_hz=250.0) as lab:
         for wanted in (True, False):
             lab.tree["session"] = {"duration_s": 0.5, "realtime": wanted}
             summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=observed(check))
-            allowed = wanted and sys.platform == "linux" and _granted()
+            allowed = wanted and sys.platform == "linux" and granted
             assert summary["pacing"]["real_time"] is allowed
     assert min(frozen) > 10_000
     assert gc.get_freeze_count() == 0
-
-
-def _granted() -> bool:
-    with run_realtime("act") as granted:
-        return granted
 
 
 def test_threads_take_short_turns_in_a_run_and_as_before_afterwards() -> None:

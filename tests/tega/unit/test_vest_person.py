@@ -17,8 +17,6 @@ from reference.vest_bench import KeptVest
 from tega.config import VestConfig, load_config
 from tega.config.calibration import TouchMaxima
 from tega.devices.base import BudgetedVest
-from tega.devices.table_recorder import TableRecorderOptions
-from tega.devices.vest.vest_recorder import VestRecorder
 from tega.devices.vest.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, vest_frame
@@ -26,9 +24,7 @@ from tega.haptics.motor_layout import find_layout
 from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import NAMELESS, dose_file, worn_vest
 from tega.records import Contact, Event
-from tega.runtime.clock import ManualClock
 from tega.runtime.files.toml_text import tree_text
-from tega.setup.calibration.identify import light_motor, motor_place
 from tega.stages.base import VestSetup
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega_emulators.lab import emulated_lab
@@ -73,30 +69,22 @@ def test_what_nobody_can_feel_is_refused(how: dict[str, Any], error: type[Except
         FeltMap(**how)
 
 
-def test_one_motor_is_lit_for_its_time_and_then_none(tmp_path: Path) -> None:
-    with VestRecorder(TableRecorderOptions(file=tmp_path / "v.csv")) as vest:
-        light_motor(vest, 23, layout="x40", percent=40, duration_s=0.2, clock=ManualClock())
-        with pytest.raises(
-            InvalidValueError, match=r"motor 4 is not one of layout 'x16'.*it has 0, 1, 2, 3, 8"
-        ):
-            light_motor(vest, 4, layout="x16", percent=40, duration_s=0.2, clock=ManualClock())
-    header, *rows = [line.split(",") for line in (tmp_path / "v.csv").read_text().splitlines()]
-    lit = [{h for h, v in zip(header[1:], row[1:], strict=True) if v != "0"} for row in rows]
-    assert lit == [{"m23"}] * 5 + [set()]
-    assert motor_place(20) == "back, row 1 of 5 from the top, column 1 of 4 from the wearer's left"
-
-
-def test_the_verb_names_the_place_of_every_motor_it_lights(
+def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "v.csv"
-    words = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out}", "--seconds", "0.1"]
+    words = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out}", "--seconds", "0.2"]
     text, _ = call(capsys, "vest", "identify", *words, "--motor", 3, "--motor", 36)
     assert text.splitlines() == [
         "motor  3: front, row 1 of 5 from the top, column 4 of 4 from the wearer's left",
         "motor 36: back, row 5 of 5 from the top, column 1 of 4 from the wearer's left",
     ]
-    assert out.read_text().count("\n") == 9
+    header, *rows = [line.split(",") for line in out.read_text().splitlines()]
+    lit = [{h for h, v in zip(header[1:], row[1:], strict=True) if v != "0"} for row in rows]
+    assert lit == [*[{"m3"}] * 5, set(), *[{"m36"}] * 5, set()]
+    _, err = call(capsys, "vest", "identify", *words, "--set", "vest.layout=x16", "--motor", 4, code=1)
+    assert "motor 4 is not one of layout 'x16'" in err
+    assert "it has 0, 1, 2, 3, 8" in err
     assert (
         "hint: for example --set vest.driver=bhaptics-player" in call(capsys, "vest", "identify", code=1)[1]
     )
