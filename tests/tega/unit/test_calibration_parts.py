@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import timedelta
 from pathlib import Path
 
@@ -149,9 +149,9 @@ def test_a_device_s_name_cannot_leave_the_folder() -> None:
     assert not device_name(info).startswith(".")
 
 
-def interrupted(folder: CalibrationFolder, steps: dict[str, object], **devices: str) -> Path:
+def interrupted(folder: CalibrationFolder, steps: Mapping[str, object], **devices: str) -> Path:
     """Write the journal of an interrupted calibration."""
-    begun = Unfinished(started=NOW, steps=steps, devices=devices)
+    begun = Unfinished(started=NOW, steps=dict(steps), devices=devices)
     path = folder.person("p01") / "unfinished.json"
     path.parent.mkdir(parents=True)
     path.write_bytes(msgspec.json.encode(begun))
