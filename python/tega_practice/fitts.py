@@ -156,12 +156,11 @@ def fitts_score(movements: Sequence[Movement], *, cursor_step: float) -> FittsSc
         for kind in kinds
     )
     hits = [one for one in counted if one.endpoint is not None]
+    efficiencies = [abs(one.entry - one.start) / one.path if one.path > 0 else 1.0 for one in hits]
     return FittsScore(
         throughput_bits_s=fmean(one.throughput_bits_s for one in conditions),
         completion=len(hits) / len(counted),
-        path_efficiency=fmean(abs(one.entry - one.start) / one.path if one.path > 0 else 1.0 for one in hits)
-        if hits
-        else None,
+        path_efficiency=fmean(efficiencies) if hits else None,
         overshoots=sum(one.overshoots for one in counted) / len(counted),
         movement_time_s=fmean(one.time_s for one in hits) if hits else None,
         movements=len(counted),

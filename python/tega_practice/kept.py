@@ -165,9 +165,8 @@ class VestSkillRecord(
 
 def keep_record(record: FittsRecord | PracticeRecord | VestSkillRecord, folder: CalibrationFolder) -> Path:
     """Write a result into the person's folder; return the file."""
-    path = (
-        folder.person(record.person) / _place(type(record)) / f"{record.made.strftime('%Y%m%d-%H%M%S')}.toml"
-    )
+    name = f"{record.made:%Y%m%d-%H%M%S}.toml"
+    path = folder.person(record.person) / _place(type(record)) / name
     write_record(record, path)
     return path
 

@@ -194,6 +194,7 @@ def fitts_test(
         device, driver = muscles.device, muscles.driver
     score = fitts_score(course.movements, cursor_step=step)
     decoder, options = decoder_choice(config)
+    efficiency = score.path_efficiency
     record = FittsRecord(
         person=person,
         device=device,
@@ -208,9 +209,7 @@ def fitts_test(
         cursor_step=step,
         throughput_bits_s=round(score.throughput_bits_s, 3),
         completion_percent=round(100 * score.completion, 1),
-        path_efficiency_percent=None
-        if score.path_efficiency is None
-        else round(100 * score.path_efficiency, 1),
+        path_efficiency_percent=None if efficiency is None else round(100 * efficiency, 1),
         overshoots=round(score.overshoots, 2),
         movements=tuple(movement_row(one) for one in course.movements),
     )

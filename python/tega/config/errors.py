@@ -151,12 +151,10 @@ def _of_feature(name: str, otherwise: str) -> str:
     """Return what to do with an unknown table, which may be that of a feature that is left out or missing."""
     for one in broken_features():
         whose = f"of the feature {one.name!r}, {one.said}; {one.hint}"
-        if not one.settings or name in one.settings:
-            return (
-                f"this is a table {whose}"
-                if one.settings
-                else f"if this is a table {whose}; else {otherwise}"
-            )
+        if name in one.settings:
+            return f"this is a table {whose}"
+        if not one.settings:
+            return f"if this is a table {whose}; else {otherwise}"
     return f"if this is a feature's table, install its package; else {otherwise}"
 
 

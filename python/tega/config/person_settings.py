@@ -55,10 +55,8 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
         values["calibration.emg.maxima"] = SettingValue(emg.live_max if live else emg.paper_max, name)
     vest, name = readable(VestCalibration, live_info(config.vest, "vest"))
     if vest is not None and live:
-        found |= {
-            f"vest.{key}": (value, name)
-            for key, value in zip(("threshold", "step"), felt_by(vest), strict=True)
-        }
+        threshold, step = felt_by(vest)
+        found |= {"vest.threshold": (threshold, name), "vest.step": (step, name)}
     heading, name = readable(ArmRecord, tracker_info(config))
     if heading is not None:
         found |= {f"arm.mapping.{key}": (getattr(heading, key), name) for key in ("yaw_rad", "base_yaw_rad")}

@@ -11,7 +11,7 @@ import numpy as np
 from tega.arm.pose import StampedPose
 from tega.arm.settings import GateSettings
 from tega.runtime.device_items import InputEvent, InputReading
-from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStep, spread_ms
+from tega_bench.acceptance.report import AcceptanceGuide, AcceptanceStatus, AcceptanceStep, spread_ms
 
 _WATCH_S: Final = 5.0
 _HIDDEN_S: Final = 3.0
@@ -128,17 +128,15 @@ def _lost(source: Any, guide: AcceptanceGuide) -> AcceptanceStep:
     while not back and time.monotonic() < start_s + _BACK_S:
         back = any(pose.valid for pose in source.read(time.monotonic_ns()))
         time.sleep(_POLL_S)
+    text, todo = "a forearm that is out of sight is reported as lost", ""
+    if believed:
+        text = f"{believed} poses of a forearm that is out of sight were believed in the last second"
+        todo = "was it hidden? a tracker that guesses on leads the arm"
     return AcceptanceStep(
         name="stop",
         status="failed" if not back else "look" if believed else "passed",
-        said=(
-            f"{believed} poses of a forearm that is out of sight were believed in the last second"
-            if believed
-            else "a forearm that is out of sight is reported as lost"
-        )
-        + "; closed and opened again, "
-        + ("poses came" if back else "no pose came"),
-        todo="was it hidden? a tracker that guesses on leads the arm" if believed else "",
+        said=f"{text}; closed and opened again, {'poses' if back else 'no pose'} came",
+        todo=todo,
         measured={"reopened_s": round(time.monotonic() - start_s, 2)},
     )
 
@@ -153,14 +151,11 @@ def accept_input(source: Any, guide: AcceptanceGuide) -> Iterator[AcceptanceStep
     moved, events = _readings(source, _WATCH_S)
     yield _input_rate(moved)
     ages_ms = [(at_ns - event.t_ns) * 1e-6 for at_ns, event in events]
-    yield AcceptanceStep(
-        name="latency",
-        status="passed" if ages_ms else "skipped",
-        said="from a button that the driver saw until it was read here, every 2 ms"
-        if ages_ms
-        else "no button was pressed, so none was late",
-        measured=spread_ms("age", ages_ms),
-    )
+    status: AcceptanceStatus = "skipped"
+    text = "no button was pressed, so none was late"
+    if ages_ms:
+        status, text = "passed", "from a button that the driver saw until it was read here, every 2 ms"
+    yield AcceptanceStep(name="latency", status=status, said=text, measured=spread_ms("age", ages_ms))
     yield _input_limits(rest, moved)
     pressed = sorted({event.button for _, event in events if event.pressed})
     pushed = max((abs(x) for one in moved for x in one.motion), default=0.0)

@@ -147,21 +147,19 @@ def _vest_stop(vest: Any, dark: MotorLevels, percent: int, guide: AcceptanceGuid
     start_s = time.monotonic()
     vest.close()
     closed_s = time.monotonic() - start_s
+    text = "this driver does not count what its watchdog does"
+    if counters is not None:
+        text = f"the watchdog sent zeros {silenced} times after writing had stopped"
+    if optional(vest, "confirmed_rest"):
+        text += ", and the vest has answered behind the zeros of closing"
+    else:
+        text += "; this driver does not report whether the zeros of closing arrived"
     silent = guide.ask("Is every motor silent now?")
     seen = seen_status(silent)
     return AcceptanceStep(
         name="stop",
         status="failed" if counters is not None and not silenced else seen,
-        said=(
-            "this driver does not count what its watchdog does"
-            if counters is None
-            else f"the watchdog sent zeros {silenced} times after writing had stopped"
-        )
-        + (
-            ", and the vest has answered behind the zeros of closing"
-            if optional(vest, "confirmed_rest")
-            else "; this driver does not report whether the zeros of closing arrived"
-        ),
+        said=text,
         todo="use the vest's switch, and report it" if seen == "failed" else "",
         measured={"closed_s": round(closed_s, 3)},
         answers={"Is every motor silent?": silent},

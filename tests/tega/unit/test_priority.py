@@ -16,7 +16,6 @@ from reference.processes import until
 from tega.config import check_tree
 from tega.loop.pacing import settle, settled
 from tega.loop.session import run_session
-from tega.loop.snapshot import LoopView
 from tega.runtime import threads as priority
 from tega.runtime.threads import all_along, give_way, promote, realtime, run_realtime, short_turns
 from tega_emulators.lab import emulated_lab
@@ -109,16 +108,13 @@ def test_full_collections_look_at_what_has_come_since_only() -> None:
 
 def test_a_run_that_is_told_to_takes_no_real_time(tmp_path: Path) -> None:
     frozen: list[int] = []
-
-    def check(_view: LoopView) -> None:
-        frozen.append(gc.get_freeze_count())
-
+    bus = observed(lambda _view: frozen.append(gc.get_freeze_count()))
     with run_realtime("act") as granted:
         pass
     with emulated_lab(tmp_path, emg_hz=250.0) as lab:
         for wanted in (True, False):
             lab.tree["session"] = {"duration_s": 0.5, "realtime": wanted}
-            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=observed(check))
+            summary = run_session(check_tree(lab.tree, {}, base=tmp_path).config, bus=bus)
             allowed = wanted and sys.platform == "linux" and granted
             assert summary["pacing"]["real_time"] is allowed
     assert min(frozen) > 10_000

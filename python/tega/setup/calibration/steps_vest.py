@@ -52,7 +52,7 @@ class FeltSite(msgspec.Struct, frozen=True, kw_only=True):
 class VestSteps:
     """Leads a wearer through the steps; each result is kept in the journal at once.
 
-    Each raises ``Undecided`` where there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
+    Each step raises ``Undecided`` if there is no answer, as without a terminal, and ``DeviceUnavailableError`` if the
     vest went away.
     """
 

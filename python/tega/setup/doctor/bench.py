@@ -198,11 +198,9 @@ def try_all(cases: Sequence[DriverCase], deadline_s: float) -> list[Finding]:
 
     def late(n: int, deadline_s: float) -> list[Finding]:
         text = f"{cases[n].driver} was not done within {deadline_s:g} s"
-        why, todo = (
-            "the device, its driver or the machine is held up",
-            "unplug it, plug it in again and look once more",
-        )
-        return [cases[n].reported("", "error", text, why=why, todo=(todo,))]
+        why = "the device, its driver or the machine is held up"
+        todo = ("unplug it, plug it in again and look once more",)
+        return [cases[n].reported("", "error", text, why=why, todo=todo)]
 
     jobs = {n: partial(attempt, case) for n, case in enumerate(cases)}
     # Devices are opened in threads, and only the main one can see to it that SIGTERM closes them.

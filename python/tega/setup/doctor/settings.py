@@ -246,10 +246,8 @@ def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
             name = str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"
             users[name].append(case)
     found = []
-    why, todo = (
-        "one device cannot be two",
-        ("look at the numbers printed on the devices and correct the settings",),
-    )
+    why = "one device cannot be two"
+    todo = ("look at the numbers printed on the devices and correct the settings",)
     for name, (first, *others) in users.items():
         for case in others:
             text = f"{case.check} and {first.check} name the same device: {name}"
