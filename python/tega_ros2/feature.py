@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from tega.runtime.features import Feature, Verb
+from tega.runtime.features import Feature
 
 FEATURE = Feature(
     summary="ROS 2: recordings as bags, live topics, and commands by DDS.",
     settings={"ros2": "tega_ros2.settings:Ros2Table"},
     check="tega_ros2.settings:check_table",
     part="tega_ros2.part:open_part",
-    verbs={"hand urdf": Verb("tega_ros2.cli:urdf", "Describe the hand with its fingertips as a URDF.")},
     formats={"ros2": "tega_ros2.outputs:FORMAT"},
     streams={"ros2": "tega_ros2.outputs:Ros2Stream"},
     extra="ros2",

@@ -33,11 +33,9 @@ PAD_RADIUS_M: Final = 0.012
 PAD_HALF_LENGTH_M: Final = 0.010
 """Half of that straight part."""
 
-NO_LOAD_RAD_S: Final = 9.52
-"""Speed of a joint at full duty without load, as of :class:`tega.hand.motion.JointModel`."""
-
-# Reached with a time constant of 0.07 s.
-_DAMPING: Final = FULL_DUTY_NM / NO_LOAD_RAD_S
+# Speed of a joint at full duty without load, rad/s, as of tega.hand.motion.JointModel; reached with a time constant of
+# 0.07 s.
+_DAMPING: Final = FULL_DUTY_NM / 9.52
 _ARMATURE: Final = 0.07 * _DAMPING
 _STOP_MARGIN_RAD: Final = 0.1
 _LINK_RADIUS_M: Final = 0.011
@@ -63,15 +61,8 @@ def joint_names() -> list[str]:
     return [f"{finger}{joint}" for finger in HAND_FINGERS for joint in range(4)]
 
 
-def joint_places() -> tuple[
-    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
-]:
-    """Return where the joints are in the palm's frame with all angles 0, by finger in the hand's order.
-
-    The result, all float64: place (4, 3), metres, and rotation (4, 3, 3) of each finger's first joint; the
-    joints' axes (4, 4, 3); and from each joint to the next, from the last one to the middle of the pad (4, 4,
-    3), metres.
-    """
+def _joint_places() -> list[NDArray[np.float64]]:
+    """Return place and rotation of each finger's first joint, the joints' axes, and the way from each to the next."""
     bases_m, turns, axes, offsets_m = [], [], [], []
     for name in HAND_FINGERS:
         thumb = name == "thumb"
@@ -87,7 +78,7 @@ def joint_places() -> tuple[
         turns.append(np.eye(3) + 2 * w * cross + 2 * cross @ cross)
         axes.append([_numbers(text) for text in around])
         offsets_m.append(ways)
-    return np.array(bases_m), np.array(turns), np.array(axes), np.array(offsets_m)
+    return [np.array(one) for one in (bases_m, turns, axes, offsets_m)]
 
 
 def _numbers(text: str) -> NDArray[np.float64]:
@@ -151,7 +142,7 @@ def hand_actuators() -> str:
 
 # By finger in the hand's order: the first joint's frame, each joint's axis as a cross product, and where what comes
 # after each joint lies.
-_BASES_M, _TURNS, _AXES, _OFFSETS_M = joint_places()
+_BASES_M, _TURNS, _AXES, _OFFSETS_M = _joint_places()
 _CROSS: Final = np.zeros((4, 4, 3, 3))
 _CROSS[..., [2, 0, 1], [1, 2, 0]], _CROSS[..., [1, 2, 0], [2, 0, 1]] = _AXES, -_AXES
 _SQUARE: Final = _CROSS @ _CROSS
