@@ -181,7 +181,7 @@ def _displayed(
                 yield None, {}
                 return
             progress("running", 0, 0)
-            yield lambda state: watch(state.loop, state.rows), {}
+            yield lambda state: watch.offer(state.loop, state.rows), {}
         return
     from tega.ui.view.browser import Controls
 

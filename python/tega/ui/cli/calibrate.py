@@ -114,7 +114,7 @@ def calibrate(
     from tega.setup.calibration.sitting import Sitting, Times
     from tega.setup.calibration.steps_vest import VestChoices
     from tega.setup.calibration.wizard import Calibrating, parts_of
-    from tega.ui.cli.guide_page import guide_for
+    from tega.ui.cli.guide_page import guided
 
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
@@ -123,46 +123,39 @@ def calibrate(
         config, _ = _settings(settings, person, folder, (*sets, there))
     parts = parts_of(config, only)
     times = Times(pause_s=pause_s).scaled(time_scale)
-    guide = guide_for(yes=yes, get_ready_s=times.get_ready_s)
     home = CalibrationFolder(kept)
     home.person(person)
-    sitting = Sitting(config, person, home, guide, times, utc_now)
-    work = Calibrating(
-        sitting,
-        vest=VestChoices(ceiling, each_motor, each_step, seed=sum(person.encode())),
-        ball=None if known_ball is None else Ball(*known_ball),
-    )
     where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
     given = (*(("--only", name) for name in only), *(("--set", one) for one in sets))
     same = [word for words in given for word in words]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
-
-    def report(files: list[Path], *, finished: bool) -> None:
-        if as_json:
-            left = [] if finished else work.left
-            reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
-            reported |= {"finished": finished, "done": list(work.done), "left": left}
-            echo_json({**reported, "files": _reported(files)})
-
-    try:
-        if refresh:
-            files = refresh_all(sitting, parts)
-        else:
-            work.run(parts, restart=restart)
-            files = work.files
-    except BaseException:
-        guide.close()
-        if work.left:
-            done = ", ".join(work.done) or "nothing yet"
-            guide.say(
-                f"Done and kept: {done}. Left: {', '.join(work.left)}. Go on with: {again}", tone="warn"
-            )
-        report(work.files, finished=False)
-        raise
-    guide.close()
     then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
-    guide.say(f"Finished. {then}", tone="good")
-    report(files, finished=True)
+    with guided("TEGA calibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
+        sitting = Sitting(config, person, home, guide, times, utc_now)
+        work = Calibrating(
+            sitting,
+            vest=VestChoices(ceiling, each_motor, each_step, seed=sum(person.encode())),
+            ball=None if known_ball is None else Ball(*known_ball),
+        )
+        files, finished = work.files, False
+        try:
+            if refresh:
+                files = refresh_all(sitting, parts)
+            else:
+                work.run(parts, restart=restart)
+            finished = True
+        finally:
+            done = ", ".join(work.done) or "nothing yet"
+            if finished:
+                guide.say(f"Finished. {then}", tone="good")
+            elif work.left:
+                left = f"Left: {', '.join(work.left)}. Go on with: {again}"
+                guide.say(f"Done and kept: {done}. {left}", tone="warn")
+            if as_json:
+                reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
+                reported |= {"finished": finished, "done": list(work.done)}
+                reported |= {"left": [] if finished else work.left, "files": _reported(files)}
+                echo_json(reported)
 
 
 def _settings(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 
@@ -17,14 +17,3 @@ class ExportFormat(NamedTuple):
 
     options: tuple[click.Option, ...]
     export: Callable[..., Sequence[Path]]
-
-    def given(self, ctx: click.Context) -> list[str]:
-        """Return the options of this format that the command line gives, as they are typed."""
-        default = click.core.ParameterSource.DEFAULT
-        return [
-            option.opts[0] for option in self.options if ctx.get_parameter_source(option.name) is not default
-        ]
-
-    def values(self, ctx: click.Context) -> dict[str, Any]:
-        """Return the values of this format's options by name."""
-        return {option.name: ctx.params[option.name] for option in self.options}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Container, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 _MARKS = {"plain": "  ", "good": "ok", "warn": "! ", "bad": "x "}
 _STYLES = {"plain": "", "good": "green", "warn": "yellow", "bad": "bold red"}
 _LINE_EVERY_S = 1.0
+_line = partial(click.echo, err=True)
 
 
 class LineGuide:
@@ -73,10 +75,7 @@ class LineGuide:
 
 
 class TerminalGuide(LineGuide):
-    """Large prompts and live bars on a terminal's stderr.
-
-    With ``yes`` nothing waits for Enter: each prompt is shown for ``get_ready_s``.
-    """
+    """Large prompts and live bars on a terminal's stderr."""
 
     def __init__(self, *, yes: bool, get_ready_s: float) -> None:
         from rich.console import Console
@@ -88,14 +87,14 @@ class TerminalGuide(LineGuide):
 
     def part(self, title: str, why: str) -> None:
         """Begin a part."""
-        self._still()
+        self.close()
         self._console.print()
         self._console.rule(f"[bold cyan]{title}", align="left")
         self._console.print(why, style="dim")
 
     def say(self, text: str, *, tone: str = "plain") -> None:
         """Show a message."""
-        self._still()
+        self.close()
         self._console.print(f"{_MARKS[tone]} {text}", style=_STYLES[tone], markup=False)
 
     def ready(self, prompt: str) -> None:
@@ -105,9 +104,9 @@ class TerminalGuide(LineGuide):
             while (left_s := end_s - time.monotonic()) > 0:
                 self.show(prompt, [], left_s)
                 time.sleep(0.05)
-            self._still()
+            self.close()
             return
-        self._still()
+        self.close()
         self._console.print(self._panel(prompt, "press Enter when ready"))
         _received()
 
@@ -117,7 +116,7 @@ class TerminalGuide(LineGuide):
             raise Undecided
         choices = "   ".join(f"{key} {meaning}".rstrip() for key, meaning in answers.items())
         if any(len(key) > 1 for key in answers):
-            self._still()
+            self.close()
             self._console.print(f"[bold cyan]{question}[/]   {choices}")
             while (answer := _received().strip().lower()) not in answers:
                 self._console.print(f"one of: {', '.join(answers)}", style="yellow")
@@ -162,14 +161,11 @@ class TerminalGuide(LineGuide):
             rows += [Align.center(table), Text()]
         return Panel(Group(*rows), subtitle=below or None, border_style="cyan", padding=(0, 2))
 
-    def _still(self) -> None:
+    def close(self) -> None:
+        """Give the terminal back."""
         live, self._live = self._live, None
         if live is not None:
             live.stop()
-
-    def close(self) -> None:
-        """Give the terminal back."""
-        self._still()
 
 
 def _bar(bar: Bar, width: int) -> str:
@@ -177,10 +173,6 @@ def _bar(bar: Bar, width: int) -> str:
     # However narrow a target is, there is something to hit.
     empty = min(empty, filled - 1) if bar.low > 0 and filled else empty
     return "·" * empty + "█" * (filled - empty) + "·" * (width - filled)
-
-
-def _line(text: str) -> None:
-    click.echo(text, err=True)
 
 
 def _received() -> str:

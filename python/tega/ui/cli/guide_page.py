@@ -158,13 +158,6 @@ def _bar_html(bar: Bar) -> str:
     )
 
 
-def guide_for(*, yes: bool, get_ready_s: float) -> LineGuide:
-    """Return the guide that fits where this runs."""
-    if sys.stderr.isatty() and (yes or sys.stdin.isatty()):
-        return TerminalGuide(yes=yes, get_ready_s=get_ready_s)
-    return LineGuide(yes=yes, get_ready_s=get_ready_s)
-
-
 @contextmanager
 def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None = None) -> Iterator[Guide]:
     """Guide a person on a page, or on the terminal, and give either back at the end."""
@@ -175,8 +168,8 @@ def guided(title: str, *, yes: bool, get_ready_s: float, view_port: int | None =
             open_page(page.url)
             yield page
         return
-    guide = guide_for(yes=yes, get_ready_s=get_ready_s)
-    try:
+    drawn = sys.stderr.isatty() and (yes or sys.stdin.isatty())
+    with contextlib.closing(
+        (TerminalGuide if drawn else LineGuide)(yes=yes, get_ready_s=get_ready_s)
+    ) as guide:
         yield guide
-    finally:
-        guide.close()

@@ -110,14 +110,6 @@ class _Verbs(GuestGroup):
                     formatter.write_dl(found)
 
 
-def _version(ctx: click.Context, _param: click.Parameter, value: bool) -> None:  # noqa: FBT001  # click's signature
-    if value:
-        from tega import __version__
-
-        click.echo(f"tega {__version__}")
-        ctx.exit()
-
-
 _GREETING = """\
 TEGA lets a person steer a robot hand with the muscles of the forearm, and feel the touch of its fingertips on a vest.
 
@@ -142,9 +134,7 @@ Type one of these first:
     expose_value=False,
     help="Show where in the program an error arose; with any verb.",
 )
-@click.option(
-    "--version", is_flag=True, callback=_version, expose_value=False, is_eager=True, help="Show the version."
-)
+@click.version_option(package_name="tega", message="tega %(version)s", help="Show the version.")
 @click.pass_context
 def cli(ctx: click.Context) -> None:
     """Steer a robot hand with muscle signals (EMG), and feel its fingertips on a vibrating vest."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 from tega.errors import ConfigError, MissingExtraError, TegaError
 from tega.runtime.features import load_target, named, warn
@@ -184,14 +185,15 @@ def export(
     from tega.recording.mcap_folder import session_files
 
     formats = _guest_formats()
-    for name, one in formats.items():
-        if name != kind and (given := one.given(ctx)):
-            raise click.UsageError(f"{given[0]} is for --format {name}")
+    for name, option in ((name, option) for name, one in formats.items() for option in one.options):
+        if name != kind and ctx.get_parameter_source(option.name) is not ParameterSource.DEFAULT:
+            raise click.UsageError(f"{option.opts[0]} is for --format {name}")
     files = session_files(session)
     if kind in formats:
         if pictures:
             raise click.UsageError("--pictures is for tables")
-        made = list(formats[kind].export(files, out, **formats[kind].values(ctx)))
+        values = {option.name: ctx.params[option.name] for option in formats[kind].options}
+        made = list(formats[kind].export(files, out, **values))
     else:
         made = []
         for path in files:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,65 +27,12 @@ from tega.ui.cli.page import open_page, run_viewed, view_options
 if TYPE_CHECKING:
     from tega.config import SessionConfig
     from tega.loop.prepare import Progress
-    from tega.loop.snapshot import LoopView
     from tega.records.bus import Bus
-
-
-class TerminalDisplay:
-    """Draws the newest moment in a thread of its own: drawing takes longer than a tick of the hand."""
-
-    def __init__(self, title: str) -> None:
-        from tega.records.bus import Backlog
-        from tega.ui.view.terminal import TerminalView
-
-        self._view = TerminalView(title)
-        self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
-        self._waiting = Backlog("view", most=1, newest=True, idle=self._draw)
-
-    def opened(self, url: str) -> None:
-        """Print the page's address, and keep it in sight in the frame."""
-        open_page(url)
-        self._view.address = url
-
-    def watch(self, bus: Bus) -> None:
-        """Show the moments of a run from now on."""
-        from tega.loop.snapshot import Snapshot  # not before a run opens its devices
-        from tega.records.display import DisplayRows
-
-        rows = DisplayRows(bus, "terminal")
-
-        def take(snapshot: Snapshot) -> None:
-            self._take((snapshot.view, rows()))
-
-        bus.subscribe(Snapshot, take, name="display", backlog=self._waiting)
-
-    def __call__(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
-        """Show a view of the loop and further lines of text, by name; returns at once."""
-        self._waiting.put(TerminalDisplay._take, self, (view, rows))
-
-    def open(self) -> None:
-        """Take the screen."""
-        self._view.__enter__()
-        self._waiting.start()
-
-    def close(self) -> None:
-        """Give the screen back."""
-        self._waiting.close()
-        self._view.__exit__()
-
-    def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
-        self._newest = (*given, time.monotonic() - self._waiting.waited_s)
-        self._draw()
-
-    def _draw(self) -> None:
-        """Draw the newest moment and its age, as often as a screen is worth."""
-        if self._newest is not None:
-            view, rows, came_s = self._newest
-            self._view(view, rows, age_s=time.monotonic() - came_s)
+    from tega.ui.view.terminal import TerminalView
 
 
 @contextmanager
-def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisplay | None]]:
+def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalView | None]]:
     """Show preparation and run on a terminal's stderr.
 
     Yield the ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
@@ -93,15 +40,16 @@ def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalDisp
     if not enabled or not sys.stderr.isatty():
         yield lambda _subject, _done, _total: None, None
         return
-    display = TerminalDisplay(title)
+    from tega.ui.view.terminal import TerminalView
+
+    display = TerminalView(title)
     with ExitStack() as ending, ExitStack() as stack:
         bar = stack.enter_context(progress_bar())
 
         def progress(subject: str, done: int, total: int) -> None:
             if subject == "running":
                 stack.close()
-                display.open()
-                ending.callback(display.close)
+                ending.enter_context(display)
             else:
                 bar(subject, done, total)
 
@@ -213,6 +161,11 @@ def run_settings(
             if display is None:  # the live view shows it
                 click.echo(message, err=True)
 
+        def opened(url: str) -> None:
+            open_page(url)
+            if display is not None:
+                display.address = url
+
         bus.subscribe(Notice, lambda notice: notify(notice.text), name="notices")
         displayed.enter_context(streamed(bus, streams))
         if display is not None:
@@ -220,7 +173,6 @@ def run_settings(
         how: dict[str, Any] = {"progress": progress, "settings": shlex.quote(str(config)), "bus": bus}
         if view:
             how |= {"title": f"TEGA · {config.name}", "port": view_port, "wait": wait_for_go}
-            opened = open_page if display is None else display.opened
             summary = run_viewed(settings, stop=stop, opened=opened, **how)
         else:
             summary = run_session(settings, controls=Controls(stop=stop), **how)

@@ -12,9 +12,11 @@ from rich.panel import Panel
 from rich.table import Table
 from rich.text import Text
 
-from tega.haptics import CONTACT_RULES, MotorLevels
-from tega.loop.snapshot import LoopView
+from tega.haptics import CONTACT_RULES
+from tega.loop.snapshot import LoopView, Snapshot
 from tega.loop.touch import STALE_NS
+from tega.records.bus import Backlog, Bus
+from tega.records.display import DisplayRows
 from tega.ui.view.run_state import (
     NO_NEWS,
     NO_NEWS_S,
@@ -79,39 +81,6 @@ def _motors(intensities: Sequence[int], *, each: int) -> list[Text]:
     return rows
 
 
-def _faces(frame: MotorLevels | None) -> dict[str, Sequence[int]]:
-    values = [] if frame is None else [int(v) for v in frame.intensities]
-    half = len(values) // 2
-    return {"front": values[:half], "back": values[half:]} if values else {}
-
-
-def _vest_lines(frame: MotorLevels | None) -> list[Text]:
-    """Draw a face a line, its rows of four motors side by side from the top."""
-    return [
-        Text(f"  {name:<6}", "grey70") + Text("│", "grey37").join(_motors(face, each=2))
-        for name, face in _faces(frame).items()
-    ]
-
-
-def _vest_panels(frame: MotorLevels | None) -> RenderableType:
-    """Draw both faces as panels, a row of motors a line."""
-    grid = Table.grid(padding=(0, 1))
-    grid.add_row(
-        *(
-            Panel(Text("\n").join(_motors(face, each=3)), title=name, width=20)
-            for name, face in _faces(frame).items()
-        )
-    )
-    return grid
-
-
-def _device_rows(view: LoopView) -> dict[str, Text]:
-    """Return a line each for muscles, hand and vest; grey once the run has ended."""
-    style = "grey50" if view.state == "stopped" else ""
-    rows = device_rows(view).items()
-    return {name: Text.assemble((f"{name:<8}", "grey50"), (text, style)) for name, text in rows}
-
-
 def _inputs(view: LoopView) -> Text:
     """Draw the operator's input devices: axes that are pushed, and whether the switch is held."""
     text = Text()
@@ -129,14 +98,6 @@ def _arm(view: LoopView) -> Text:
     return text
 
 
-def _task(rows: Mapping[str, str]) -> Text:
-    """Draw the task, such as object, phase and height of a simulated trial."""
-    text = Text()
-    for name, value in rows.items():
-        text.append(f"{name} ", style="grey50").append(f"{value}   ", style="bold")
-    return text
-
-
 def _state(view: LoopView, *, late: bool, most_alerts: int | None) -> Text:
     """Draw the run's state, its reason unless that is good news, and the alerts."""
     style = "white on grey50" if late else _STATE_STYLES[view.state]
@@ -149,17 +110,6 @@ def _state(view: LoopView, *, late: bool, most_alerts: int | None) -> Text:
     if more := len(alerts[len(alerts[:most_alerts]) :]):
         text.append(f"\n! {more} more: enlarge the terminal", "yellow")
     return text
-
-
-def _more(view: LoopView) -> list[RenderableType]:
-    """Return the lines of devices that not every run has."""
-    return [
-        *([Text(f"touch   {view.newest_event}", "bold")] if view.newest_event else []),
-        *([Text(f"reflex  {view.reflex}")] if view.reflex else []),
-        *([_inputs(view)] if view.inputs else []),
-        *([_arm(view)] if view.arm else []),
-        *([Text(f"link    {view.link}")] if view.link else []),
-    ]
 
 
 def render(
@@ -183,32 +133,45 @@ def render(
     """
     wide, tall = width >= _WIDE, height >= _TALL
     late = age_s >= NO_NEWS_S and view.state != "stopped"
-    rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
-    devices = _device_rows(view)
     lines: list[RenderableType] = []
     if late:
         lines.append(Text(f"{NO_NEWS} {age_s:.0f} s: the values below may be out of date", "bold red"))
     if view.state:
         lines.append(_state(view, late=late, most_alerts=None if tall else _MOST_ALERTS))
     if rows:
-        lines.append(_task(rows))
+        pairs = (((f"{name} ", "grey50"), (f"{value}   ", "bold")) for name, value in rows.items())
+        lines.append(Text.assemble(*(part for pair in pairs for part in pair)))
     touch = _touch(view, labels or ContactLabels(), bar=14 if wide else 18)
+    motors = [] if view.vest is None else [int(v) for v in view.vest.intensities]
+    half = len(motors) // 2
+    faces = {"front": motors[:half], "back": motors[half:]} if motors else {}
     beside = wide and view.vest is not None  # else a face of the vest is a line below
     if beside:
-        grid = Table.grid(padding=(0, 2))
-        grid.add_row(touch, _vest_panels(view.vest))
+        grid, panels = Table.grid(padding=(0, 2)), Table.grid(padding=(0, 1))
+        drawn = ((name, Text("\n").join(_motors(face, each=3))) for name, face in faces.items())
+        panels.add_row(*(Panel(text, title=name, width=20) for name, text in drawn))
+        grid.add_row(touch, panels)
         touch = grid
     rule = f"focal: {CONTACT_RULES['focal']}\nbroad: {CONTACT_RULES['broad']}"
+    style = "grey50" if view.state == "stopped" else ""
+    devices = {
+        name: Text.assemble((f"{name:<8}", "grey50"), (text, style))
+        for name, text in device_rows(view).items()
+    }
     lines += [touch, *([Text(rule, style="grey50")] if tall else []), devices["vest"]]
-    lines += [] if beside else _vest_lines(view.vest)
-    lines += [
-        devices["muscles"],
-        devices["hand"],
-        Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", style="grey70"),
-    ]
-    lines += [Text(view.latency, style="grey70")] if view.latency else []
+    if not beside:
+        bars = ((name, Text("│", "grey37").join(_motors(face, each=2))) for name, face in faces.items())
+        lines += [Text(f"  {name:<6}", "grey70") + bar for name, bar in bars]
+    rates = "   ".join(f"{name} {rate:.0f} Hz" for name, rate in rates_hz.items())
+    lines += [devices["muscles"], devices["hand"], Text(f"{view.t_ns / 1e9:6.1f} s   {rates}", "grey70")]
+    lines += [Text(view.latency, "grey70")] if view.latency else []
+    lines += [Text(f"touch   {view.newest_event}", "bold")] if view.newest_event else []
+    lines += [Text(f"reflex  {view.reflex}")] if view.reflex else []
+    lines += [_inputs(view)] if view.inputs else []
+    lines += [_arm(view)] if view.arm else []
+    lines += [Text(f"link    {view.link}")] if view.link else []
     return Panel(
-        Group(*lines, *_more(view)),
+        Group(*lines),
         title=title,
         title_align="left",
         subtitle=address or None,
@@ -220,8 +183,9 @@ def render(
 class TerminalView:
     """Shows the loop while it runs; gives up frames rather than keep the loop waiting.
 
-    Use as a context manager. The refresh and the shown rates go by ``now_s``. ``address`` is that of the page in the
-    browser, shown in the frame; empty without one.
+    Use as a context manager. Moments are drawn in a thread of its own: drawing takes longer than a tick of the hand.
+    The refresh and the shown rates go by ``now_s``. ``address`` is that of the page in the browser, shown in the frame;
+    empty without one.
     """
 
     def __init__(
@@ -233,15 +197,41 @@ class TerminalView:
         self._drawn_s = -_REFRESH_S
         self._meter = RateMeter()
         self._labels = ContactLabels()
+        self._newest: tuple[LoopView, Mapping[str, str], float] | None = None
+        self._waiting = Backlog("view", most=1, newest=True, idle=self._redraw)
 
     def __enter__(self) -> Self:
         """Take the screen."""
         self._live.start()
+        self._waiting.start()
         return self
 
     def __exit__(self, *_error: object) -> None:
         """Give the screen back."""
+        self._waiting.close()
         self._live.stop()
+
+    def watch(self, bus: Bus) -> None:
+        """Show the moments of a run from now on."""
+        rows = DisplayRows(bus, "terminal")
+
+        def take(snapshot: Snapshot) -> None:
+            self._take((snapshot.view, rows()))
+
+        bus.subscribe(Snapshot, take, name="display", backlog=self._waiting)
+
+    def offer(self, view: LoopView, rows: Mapping[str, str] = {}) -> None:
+        """Take a moment to be shown, with further texts by name; returns at once."""
+        self._waiting.put(TerminalView._take, self, (view, rows))
+
+    def _take(self, given: tuple[LoopView, Mapping[str, str]]) -> None:
+        self._newest = (*given, time.monotonic() - self._waiting.waited_s)
+        self._redraw()
+
+    def _redraw(self) -> None:
+        if self._newest is not None:
+            view, rows, came_s = self._newest
+            self(view, rows, age_s=time.monotonic() - came_s)
 
     def __call__(self, view: LoopView, rows: Mapping[str, str] = {}, *, age_s: float = 0.0) -> None:
         """Draw a moment with further texts and its age, unless one was drawn less than 0.1 s ago.
