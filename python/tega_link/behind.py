@@ -26,15 +26,12 @@ _LEAVE_S = 2.0
 class SampleSender:
     """Sends the amplifier's samples, about twenty times a second, while the robot's station records."""
 
-    def __init__(self, stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]) -> None:
-        self._stamp, self._wanted = stamp, wanted
-        self._send: Callable[[bytes], None] = lambda _message: None
+    def __init__(
+        self, send: Callable[[bytes], None], stamp: Callable[[], dict[str, Any]], wanted: Callable[[], bool]
+    ) -> None:
+        self._send, self._stamp, self._wanted = send, stamp, wanted
         self._start_ns: int | None = None
         self._waiting: list[EmgSamples] = []
-
-    def open(self, send: Callable[[bytes], None]) -> None:
-        """Take note of what sends."""
-        self._send = send
 
     def begin(self, start_ns: int) -> None:
         """Send from now on; samples are stamped from this start."""

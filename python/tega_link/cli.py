@@ -10,6 +10,7 @@ import click
 
 from tega.config import SessionConfig
 from tega.errors import ConfigError
+from tega.runtime.lifecycle import require
 from tega.ui.cli.options import echo_json, json_option
 from tega.ui.cli.run import run_options, run_settings
 from tega_link.settings import net_of
@@ -42,10 +43,11 @@ def keys(
     Copy each station's folder to its machine by a way you trust, and name it as net.keys. Keep DIR/authority secret:
     anyone with it can make stations. With --json: {"stations": [{"name", "folder", "expires", "made"}]}.
     """
-    from tega_link.keys import make_keys
-
     if not operators and not robots:
         raise click.UsageError("name at least one station with --operator or --robot")
+    require("cryptography", driver="tega-teleop net keys", extra="net")
+    from tega_link.keys import make_keys
+
     made = make_keys(folder, operators=operators, robots=robots, days=days)
     if as_json:
         stations = [

@@ -87,42 +87,32 @@ class ForearmReader:
 class IntentSender:
     """Puts the newest level, forearm and switches into commands.
 
-    ``hand`` is the robot's as the loop sees it; ``None`` without. ``n`` counts commands sent for it.
+    ``newest`` is the newest intent, its times by the monotonic clock. ``guard`` knows whether the run is active:
+    without that the dead-man does not count. ``hand`` is the robot's as the loop sees it; ``None`` without. ``n``
+    counts commands sent for it.
     """
 
-    def __init__(self, forearm: ForearmReader, stamp: Callable[[str], dict[str, Any]]) -> None:
+    def __init__(
+        self,
+        forearm: ForearmReader,
+        stamp: Callable[[str], dict[str, Any]],
+        send_hand: Callable[[bytes], None],
+        send_arm: Callable[[bytes], None],
+    ) -> None:
         self._forearm, self._stamp = forearm, stamp
-        self._send_hand: Callable[[bytes], None] = lambda _message: None
-        self._send_arm: Callable[[bytes], None] = lambda _message: None
+        self._send_hand, self._send_arm = send_hand, send_arm
         self._sent: deque[int] = deque(maxlen=_KEPT)
-        self._newest = Intent(t_ns=0)
-        self._guard: Guard | None = None
+        self.newest = Intent(t_ns=0)
+        self.guard: Guard | None = None
         self.hand: FarHand | None = None
         self.n = 0
-
-    def open(self, send_hand: Callable[[bytes], None], send_arm: Callable[[bytes], None]) -> None:
-        """Take note of what sends commands."""
-        self._send_hand, self._send_arm = send_hand, send_arm
-
-    def give_hand(self, robot: str) -> FarHand:
-        """Return the hand that the loop steers in the place of a robot's."""
-        self.hand = FarHand(robot, answered=self._answered_ns)
-        return self.hand
-
-    def begin(self, guard: Guard) -> None:
-        """Take note of what knows whether the run is active: without that the dead-man does not count."""
-        self._guard = guard
-
-    def intent(self, intent: Intent) -> None:
-        """Note the newest intent, its times by the monotonic clock."""
-        self._newest = intent
 
     def lead_hand(self) -> None:
         """Send the hand's command."""
         requested = None if self.hand is None else self.hand.requested
         wanted = None
         if requested is not None:
-            wanted = replace(self._newest, level=requested[0], closure=requested[1])
+            wanted = replace(self.newest, level=requested[0], closure=requested[1])
         stamp = self._stamp("hand")
         self._send_hand(encode(HandMessage(**stamp, intent=wanted)))
         self.n += 1
@@ -131,7 +121,7 @@ class IntentSender:
 
     def lead_arm(self) -> None:
         """Send the forearm's pose and the held switches."""
-        may_move = self._guard is not None and self._guard.state == "active"
+        may_move = self.guard is not None and self.guard.state == "active"
         self._send_arm(encode(ArmMessage(**self._stamp("arm"), **self._forearm.facts(may_move=may_move))))
 
     def let_go(self) -> None:
@@ -141,7 +131,7 @@ class IntentSender:
         self.lead_hand()
         self._send_arm(encode(ArmMessage(**self._stamp("arm"))))
 
-    def _answered_ns(self, since_ns: int) -> tuple[int, int] | None:
+    def answered_ns(self, since_ns: int) -> tuple[int, int] | None:
         """Return a time, and when a command was first handed to the link at or after it: no report is waited for."""
         found = None
         for sent_ns in reversed(self._sent):

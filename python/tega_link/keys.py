@@ -7,23 +7,25 @@ import re
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
+
+from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from tega.errors import ConfigError
 from tega.runtime.files.foreign_file import read_foreign
-from tega.runtime.lifecycle import require
 from tega_link.link import KEY_FILES
 
-if TYPE_CHECKING:
-    from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
-    from cryptography.x509 import Certificate
-
-
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,62}")  # as in a certificate
+_PEM = serialization.Encoding.PEM
 _AUTHORITY_DAYS = 3650
 _WARN_DAYS = 30
 _RESTORE = "restore it from a copy; with a new authority every station needs new keys"
 _EARLY = timedelta(hours=24)  # the machines' wall clocks need not agree better
+_Authority: TypeAlias = tuple[ec.EllipticCurvePrivateKey, x509.Certificate]
 
 
 class StationKeys(NamedTuple):
@@ -39,20 +41,14 @@ class StationKeys(NamedTuple):
 
 
 def make_keys(
-    folder: Path,
-    *,
-    operators: Sequence[str],
-    robots: Sequence[str],
-    days: int = 365,
-    now: datetime | None = None,
+    folder: Path, *, operators: Sequence[str], robots: Sequence[str], days: int = 365
 ) -> list[StationKeys]:
     """Create missing keys: the authority, and a folder for each station.
 
     ``authority`` in ``folder`` stays where it is; each station's folder goes to its machine. ``days`` is how
-    long a station's certificate holds, ``now`` is UTC. A name that cannot be used or stands twice, or a
-    missing file of a folder, raises :class:`ConfigError`.
+    long a station's certificate holds. A name that cannot be used or stands twice, or a missing file of a folder,
+    raises :class:`ConfigError`.
     """
-    require("cryptography", driver="tega-teleop net keys", extra="net")
     names = [*operators, *robots]
     for name in names:
         if not _NAME.fullmatch(name) or name == "authority":
@@ -62,7 +58,7 @@ def make_keys(
             )
     if len(set(names)) < len(names):
         raise ConfigError("two stations have the same name", "give each its own")
-    now = datetime.now(UTC) if now is None else now
+    now = datetime.now(UTC)
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     authority = _authority(folder / "authority", now)
     return [_station(folder / name, name, authority, now, days) for name in names]
@@ -70,9 +66,6 @@ def make_keys(
 
 def expiry(folder: Path) -> datetime:
     """Return until when a station's certificate holds, UTC."""
-    require("cryptography", driver="tega-teleop net keys", extra="net")
-    from cryptography import x509
-
     try:
         return x509.load_pem_x509_certificate(_read(folder / KEY_FILES[1])).not_valid_after_utc
     except (OSError, ValueError) as error:
@@ -97,16 +90,11 @@ def _read(path: Path) -> bytes:
     return read_foreign(path, most_mib=1, error=ConfigError)
 
 
-def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Certificate]:
-    from cryptography import x509
-    from cryptography.exceptions import UnsupportedAlgorithm
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
+def _authority(folder: Path, now: datetime) -> _Authority:
     certificate_file, key_file = folder / "ca.pem", folder / "ca.key"
     if key_file.exists():
         try:
-            key: Any = load_pem_private_key(_read(key_file), None)
+            key: Any = serialization.load_pem_private_key(_read(key_file), None)
             there = x509.load_pem_x509_certificate(_read(certificate_file))
             # The certificate's parts are read when they are asked for.
             _, belongs = there.subject, key.public_key() == there.public_key()
@@ -123,21 +111,15 @@ def _authority(folder: Path, now: datetime) -> tuple[EllipticCurvePrivateKey, Ce
         _builder(name, name, made, now, _AUTHORITY_DAYS)
         .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
         .add_extension(_usage(signs=True), critical=True)
-        .sign(made, _hash())
+        .sign(made, hashes.SHA256())
     )
     folder.mkdir(mode=0o700, exist_ok=True)
     _write_key(key_file, made)
-    _write(certificate_file, certificate.public_bytes(_pem()))
+    _write(certificate_file, certificate.public_bytes(_PEM))
     return made, certificate
 
 
-def _station(
-    folder: Path, name: str, authority: tuple[EllipticCurvePrivateKey, Certificate], now: datetime, days: int
-) -> StationKeys:
-    from cryptography import x509
-    from cryptography.hazmat.primitives.asymmetric import ec
-    from cryptography.x509.oid import ExtendedKeyUsageOID
-
+def _station(folder: Path, name: str, authority: _Authority, now: datetime, days: int) -> StationKeys:
     files = [folder / file for file in KEY_FILES]
     there = [file.exists() for file in files]
     if all(there):
@@ -157,18 +139,16 @@ def _station(
         .add_extension(
             x509.AuthorityKeyIdentifier.from_issuer_public_key(signing.public_key()), critical=False
         )
-        .sign(signing, _hash())
+        .sign(signing, hashes.SHA256())
     )
     folder.mkdir(mode=0o700, exist_ok=True)
     _write_key(folder / KEY_FILES[2], key)
-    _write(folder / KEY_FILES[1], certificate.public_bytes(_pem()))
-    _write(folder / KEY_FILES[0], issuer.public_bytes(_pem()))
+    _write(folder / KEY_FILES[1], certificate.public_bytes(_PEM))
+    _write(folder / KEY_FILES[0], issuer.public_bytes(_PEM))
     return StationKeys(name, folder, certificate.not_valid_after_utc, made=True)
 
 
-def _builder(subject: Any, issuer: Any, key: EllipticCurvePrivateKey, now: datetime, days: int) -> Any:
-    from cryptography import x509
-
+def _builder(subject: Any, issuer: Any, key: ec.EllipticCurvePrivateKey, now: datetime, days: int) -> Any:
     return (
         x509.CertificateBuilder()
         .subject_name(subject)
@@ -182,8 +162,6 @@ def _builder(subject: Any, issuer: Any, key: EllipticCurvePrivateKey, now: datet
 
 
 def _usage(*, signs: bool) -> Any:
-    from cryptography import x509
-
     return x509.KeyUsage(
         digital_signature=not signs,
         content_commitment=False,
@@ -197,22 +175,9 @@ def _usage(*, signs: bool) -> Any:
     )
 
 
-def _hash() -> Any:
-    from cryptography.hazmat.primitives import hashes
-
-    return hashes.SHA256()
-
-
-def _pem() -> Any:
-    from cryptography.hazmat.primitives.serialization import Encoding
-
-    return Encoding.PEM
-
-
-def _write_key(file: Path, key: EllipticCurvePrivateKey) -> None:
-    from cryptography.hazmat.primitives.serialization import NoEncryption, PrivateFormat
-
-    _write(file, key.private_bytes(_pem(), PrivateFormat.PKCS8, NoEncryption()))
+def _write_key(file: Path, key: ec.EllipticCurvePrivateKey) -> None:
+    plain = serialization.NoEncryption()
+    _write(file, key.private_bytes(_PEM, serialization.PrivateFormat.PKCS8, plain))
 
 
 def _write(file: Path, content: bytes) -> None:

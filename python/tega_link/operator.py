@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -20,6 +21,7 @@ from tega.records import EmgSamples, Intent
 from tega.records.bus import Bus
 from tega_link.behind import SampleSender
 from tega_link.clock import StampGate
+from tega_link.ends import FarHand
 from tega_link.intent import ForearmReader, IntentSender
 from tega_link.leader import Lead
 from tega_link.link import Channel
@@ -32,7 +34,7 @@ class OperatorStation(Station):
     """The operator's end of the link."""
 
     def __init__(self, config: SessionConfig, bus: Bus, stop: Callable[[], bool]) -> None:
-        super().__init__(config, bus)
+        super().__init__(config, bus, lambda: self._lead.session)
         net = self.net
         self.tick_s = 1 / net.rate_hz
         self._stop = stop
@@ -51,12 +53,6 @@ class OperatorStation(Station):
         self._state_ns = 0
         self._states, self._events = StampGate(ttl_ns=10**12), StampGate(ttl_ns=10**12)
         self._touch = FarTouch(net.robot, ttl_ns=round(net.ttl_ms * 1e6))
-        self._intent = IntentSender(self._forearm, lambda stream: self._stamp(self._lead.session, stream))
-        self._samples = SampleSender(
-            lambda: self._stamp(self._lead.session, "emg"), lambda: self._lead.is_recorded
-        )
-        bus.subscribe(EmgSamples, self._samples.take, name="link")
-        bus.subscribe(Intent, self._levels, name="link")
         self._was_lost = False
         self._n_lost = 0
 
@@ -69,10 +65,15 @@ class OperatorStation(Station):
         link = self._link
         link.open()
         mine = f"cmd/{self.net.own_name}"
-        self._intent.open(
-            link.sends(f"{mine}/hand", Channel.COMMAND), link.sends(f"{mine}/arm", Channel.COMMAND)
+        hand, arm = (link.sends(f"{mine}/{stream}", Channel.COMMAND) for stream in ("hand", "arm"))
+        self._intent = IntentSender(self._forearm, self._stamp, hand, arm)
+        self._samples = SampleSender(
+            link.sends(f"{mine}/emg", Channel.RECORD),
+            partial(self._stamp, "emg"),
+            lambda: self._lead.is_recorded,
         )
-        self._samples.open(link.sends(f"{mine}/emg", Channel.RECORD))
+        self._bus.subscribe(EmgSamples, self._samples.take, name="link")
+        self._bus.subscribe(Intent, self._levels, name="link")
         self._clock.open(
             link.sends(f"{mine}/clock/ping", Channel.COMMAND),
             link.sends(f"{mine}/clock/pong", Channel.COMMAND),
@@ -126,7 +127,8 @@ class OperatorStation(Station):
         welcome = self._lead.welcome
         if welcome is None or not welcome.hand:
             return sinks
-        hand: Any = self._intent.give_hand(self.net.robot)
+        hand: Any = FarHand(self.net.robot, answered=self._intent.answered_ns)
+        self._intent.hand = hand
         return sinks._replace(steered=hand)
 
     def inputs(self, stack: ExitStack, inputs: Inputs) -> Inputs:
@@ -138,16 +140,15 @@ class OperatorStation(Station):
         """Take in touch from now on."""
         prepared, start_ns, trace = run.prepared, run.start_ns, run.trace
         self._touch.begin(prepared, self._bus, start_ns=start_ns, bell=run.bell, trace=trace)
-        self._intent.begin(run.guard)
+        self._intent.guard = run.guard
         self._samples.begin(start_ns)
         self._start_ns = start_ns
 
     def _levels(self, intent: Intent) -> None:
         """Store the newest block of EMG; the guard decides which level the hand gets."""
         if self._start_ns is not None:
-            self._intent.intent(
-                msgspec.structs.replace(intent, t_ns=self._start_ns + intent.t_ns, taken_ns=0)
-            )
+            t_ns = self._start_ns + intent.t_ns
+            self._intent.newest = msgspec.structs.replace(intent, t_ns=t_ns, taken_ns=0)
 
     def missing(self) -> str:
         """Return why the robot's station is out of reach, or refuses us; ``""`` while all is well."""

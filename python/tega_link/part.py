@@ -9,8 +9,8 @@ from tega.errors import ConfigError
 from tega.loop.parts import PartContext
 from tega.records.bus import Bus
 from tega.records.display import Notice
+from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
-from tega_link.keys import check_expiry
 from tega_link.operator import OperatorStation
 from tega_link.robot import RobotStation
 from tega_link.settings import net_of
@@ -57,8 +57,12 @@ def open_station(config: SessionConfig, bus: Bus, *, stop: Callable[[], bool]) -
             f"[{table}] stands in the {net.station}'s settings, but belongs to the {other}",
             f"move it to the settings of the {other}'s station",
         )
-    if net.keys is not None and (message := check_expiry(net.keys)):
-        bus.publish(Notice(text=message))
+    if net.keys is not None:
+        require("cryptography", driver="tega-teleop net keys", extra="net")
+        from tega_link.keys import check_expiry
+
+        if message := check_expiry(net.keys):
+            bus.publish(Notice(text=message))
     if operator:
         return OperatorStation(config, bus, stop)
     return RobotStation(config, bus)

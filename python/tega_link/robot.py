@@ -42,10 +42,10 @@ class RobotStation(Station):
     origin = "the maxima are at the operator's station"
 
     def __init__(self, config: SessionConfig, bus: Bus) -> None:
-        super().__init__(config, bus)
+        self._session = secrets.randbits(62) | 1
+        super().__init__(config, bus, lambda: self._session)
         bus.subscribe(Contact, self._contact, name="link")
         net, arm = self.net, config.arm
-        self._session = secrets.randbits(62) | 1
         frame = "" if arm is None else arm.mapping.frame
         self._has_hand = config.hand.driver is not None
         self._reception = Reception(
@@ -177,14 +177,14 @@ class RobotStation(Station):
         """Send what was measured in one picture, in the loop's thread."""
         if self._start_ns is None or self._reception.session == 0:
             return
-        stamp = self._stamp(self._session, contact.finger)
+        stamp = self._stamp(contact.finger)
         feature = Feature(**stamp, t_ns=self._start_ns + contact.t_ns, contact=contact)
         self._features[contact.finger](encode(feature))
 
     def changed(self, change: RunState) -> None:
         """Report a change of the run's state, here and to the operator."""
         super().changed(change)
-        stamp = self._stamp(self._session, "event")
+        stamp = self._stamp("event")
         self._send_event(encode(Change(**stamp, change=change)))
         self._next_state_ns = 0
 
@@ -256,7 +256,7 @@ class RobotStation(Station):
     def _send_state_now(self, session: int) -> None:
         view = self._view
         report = State(
-            **self._stamp(self._session, "state"),
+            **self._stamp("state"),
             leader=session,
             leader_name=self._reception.name,
             refused=self._commands.refused,

@@ -22,17 +22,19 @@ _LEAVE_S = 2.0
 
 
 class Station(Part, Opened):
-    """One end of the link in a session: it puts the other station's devices in place."""
+    """One end of the link in a session: it puts the other station's devices in place.
+
+    ``session`` returns the number that its messages have.
+    """
 
     endless = brings_input = True
-
     tick_s = 0.05
 
-    def __init__(self, config: SessionConfig, bus: Bus) -> None:
+    def __init__(self, config: SessionConfig, bus: Bus, session: Callable[[], int]) -> None:
         net = net_of(config)
         assert net is not None
         self.net: NetSection = net
-        self._config, self._bus = config, bus
+        self._config, self._bus, self._session_of = config, bus, session
         bus.subscribe(RunState, self.changed, name="link")
         bus.subscribe(Snapshot, self._seen, name="link")
         self._link = Link(self.net)
@@ -51,7 +53,7 @@ class Station(Part, Opened):
 
     def alerts(self) -> Mapping[str, Callable[[], str]]:
         """Return the alerts of the other station and of the link."""
-        return {"station": self.alert, "sending": self.unsent}
+        return {"station": self.alert, "sending": lambda: self._link.problem}
 
     def missing(self) -> str:
         """Return why the run cannot go on, ``""`` if it can."""
@@ -60,10 +62,6 @@ class Station(Part, Opened):
     def alert(self) -> str:
         """Return the other station's problem, ``""`` for none."""
         return ""
-
-    def unsent(self) -> str:
-        """Return why messages are not sent, ``""`` while they are."""
-        return self._link.problem
 
     def changed(self, change: RunState) -> None:
         """Report that the run's state has changed."""
@@ -121,10 +119,10 @@ class Station(Part, Opened):
     def _turn(self, now_ns: int) -> None:
         raise NotImplementedError
 
-    def _stamp(self, session: int, stream: str) -> dict[str, Any]:
+    def _stamp(self, stream: str) -> dict[str, Any]:
         """Return what every message of a stream begins with."""
         number = self._numbers[stream] = self._numbers.get(stream, -1) + 1
-        return {"session": session, "sequence": number, "sent_ns": time.monotonic_ns()}
+        return {"session": self._session_of(), "sequence": number, "sent_ns": time.monotonic_ns()}
 
     def _link_summary(self) -> dict[str, Any]:
         return {

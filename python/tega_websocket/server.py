@@ -10,6 +10,7 @@ import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Collection
+from concurrent.futures import Future
 from types import ModuleType
 from typing import Any, Final, NamedTuple
 
@@ -86,12 +87,9 @@ class Server:
     ) -> None:
         self._token, self._served = token.encode(), served
         self._origins, self._remote, self._buffer = frozenset(origins), remote, buffer
-        self._library: ModuleType = require(
-            "websockets.asyncio.server", driver="websocket", extra="websocket"
-        )
-        self._closed: type[Exception] = require(
-            "websockets.exceptions", driver="websocket", extra="websocket"
-        ).ConnectionClosed
+        how = {"driver": "websocket", "extra": "websocket"}
+        self._library: ModuleType = require("websockets.asyncio.server", **how)
+        self._closed: type[Exception] = require("websockets.exceptions", **how).ConnectionClosed
         self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
         self._incoming: deque[bytes] = deque(maxlen=buffer)
@@ -107,17 +105,17 @@ class Server:
 
     def open(self, host: str, port: int) -> None:
         """Serve from now on."""
-        ready = _Ready()
+        ready = Future[int]()
         work = run_realtime("beside")(lambda: self._run(host, port, ready))
         self._thread = threading.Thread(target=work, name="tega-websocket", daemon=True)
         self._thread.start()
-        ready.event.wait(_START_S)
-        if ready.error is not None or not self.port:
-            sentence = ready.error or "no answer of the system"
+        try:
+            self.port = ready.result(_START_S)
+        except OSError as error:  # TimeoutError is one
             raise DeviceUnavailableError(
-                f"websocket: {host}:{port} cannot be served: {sentence}",
+                f"websocket: {host}:{port} cannot be served: {str(error) or 'no answer of the system'}",
                 "end the program that has the port, or set websocket.port",
-            ) from ready.error
+            ) from error
 
     def close(self) -> None:
         """End all connections."""
@@ -146,16 +144,16 @@ class Server:
         if self._leaving is not None:
             self._leaving.set()
 
-    def _run(self, host: str, port: int, ready: _Ready) -> None:
+    def _run(self, host: str, port: int, ready: Future[int]) -> None:
         try:
             self._loop.run_until_complete(self._serve(host, port, ready))
         except OSError as error:
-            ready.error = error
+            if not ready.done():
+                ready.set_exception(error)
         finally:
-            ready.event.set()
             self._loop.close()
 
-    async def _serve(self, host: str, port: int, ready: _Ready) -> None:
+    async def _serve(self, host: str, port: int, ready: Future[int]) -> None:
         self._leaving = asyncio.Event()
         server = await self._library.serve(
             self._handle,
@@ -171,8 +169,7 @@ class Server:
             close_timeout=1.0,
             logger=_QUIET,
         )
-        self.port = server.sockets[0].getsockname()[1]
-        ready.event.set()
+        ready.set_result(server.sockets[0].getsockname()[1])
         try:
             while not self._leaving.is_set():
                 for client in self._clients.values():
@@ -226,9 +223,3 @@ class Server:
             self._served.command(client.number, decode(data))
         except MessageError as error:
             client.put(encode("Refused", {"why": str(error)}))
-
-
-class _Ready:
-    def __init__(self) -> None:
-        self.event = threading.Event()
-        self.error: OSError | None = None
