@@ -105,7 +105,6 @@ class Reception:
         return self._lacking(join)
 
     def _lacking(self, join: Join) -> Refused | None:
-        """Return a refusal if the operator's station lacks something that this robot needs."""
         robot, frame = self._robot, self._frame
         if self._hand and not join.muscles:
             return Refused(f"robot {robot!r} has a hand, and this station has no EMG", "set [emg]")
@@ -201,7 +200,6 @@ class Lead:
         self._link.asks(f"join/{name}", encode(join), self._receive, timeout_s=_ASK_S)
 
     def _receive(self, data: bytes) -> None:
-        """Take in the answer, in a thread of the link's."""
         if self.has:
             return
         try:

@@ -221,7 +221,6 @@ class OperatorStation(Station):
             self._intent.lead_arm()
 
     def _welcomed(self, welcome: Welcome) -> None:
-        """Listen to a robot's station from its beginning."""
         now_ns = time.monotonic_ns()
         with self._lock:
             self._states.begin(welcome.station)

@@ -68,7 +68,6 @@ class Station(Part, Opened):
         self._notify(f"{change.state}: {change.reason}")
 
     def _notify(self, text: str) -> None:
-        """Report an event of the link to the person who runs the session."""
         self._bus.publish(Notice(text=text))
 
     def _seen(self, snapshot: Snapshot) -> None:
@@ -120,7 +119,6 @@ class Station(Part, Opened):
         raise NotImplementedError
 
     def _stamp(self, stream: str) -> dict[str, Any]:
-        """Return what every message of a stream begins with."""
         number = self._numbers[stream] = self._numbers.get(stream, -1) + 1
         return {"session": self._session_of(), "sequence": number, "sent_ns": time.monotonic_ns()}
 

@@ -143,15 +143,12 @@ def _notify(bus: Bus, finger: str, frame: TactileFrame, *, start_ns: int) -> Non
 
 
 class _RobotFinger:
-    """A fingertip at the robot's station, and where what comes of it goes."""
-
     def __init__(self, source: FarFinger, stream: LiveStream[Contact], report: SourceReport) -> None:
         self.source, self._stream, self.report = source, stream, report
         self.stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._next = 0
 
     def take(self, t_ns: int, received_ns: int, feature: Feature, *, use_by_ns: int) -> None:
-        """Take in what was measured in one picture."""
         self.report.n_items += 1
         self.report.n_missing += max(0, feature.sequence - self._next) if self._next else 0
         self._next = feature.sequence + 1
@@ -162,7 +159,6 @@ class _RobotFinger:
         self._stream.put(contact, use_by_ns=use_by_ns)
 
     def mind(self, *, lost: bool) -> None:
-        """Take note of whether the robot answers."""
         if lost and not self.report.lost:
             self.report.lose("no data from the robot")
             self._next = 0

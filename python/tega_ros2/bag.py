@@ -190,7 +190,6 @@ def rows_of(value: Any, name: str) -> NDArray[np.float64]:
 
 
 def _stamp_ns(value: Any) -> int:
-    """Return the stamp in a message's header, nanoseconds; 0 without one."""
     stamp = getattr(getattr(value, "header", None), "stamp", None)
     return 0 if stamp is None else int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 

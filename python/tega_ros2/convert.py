@@ -136,7 +136,6 @@ class Converter:
         return self._types["std_msgs/msg/Header"](stamp=self._time(t_ns), frame_id=frame)
 
     def _fields(self, message: Message) -> dict[str, Any]:
-        """Return the fields of the standard message for one of a viewer's schema."""
         value = message.value
         stamp = self._time(value.timestamp.seconds * _S + value.timestamp.nanos)
         frame = getattr(value, "frame_id", "") or getattr(value, "parent_frame_id", "")

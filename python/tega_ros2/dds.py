@@ -35,7 +35,6 @@ def _bytes_of(sample: Any, **_how: Any) -> bytes:
 
 
 def _sample_of(kind: Any, /, data: bytes, **_how: Any) -> Any:
-    """Return a sample of a DDS type that holds CDR bytes."""
     sample = kind.__new__(kind)
     sample.cdr = data
     return sample

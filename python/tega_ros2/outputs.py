@@ -156,7 +156,6 @@ class Ros2Stream:
         self._channels.write(record, record.log_ns)
 
     def _open(self, topic: str, _make: Any, *, schema: Any = None, **_how: Any) -> _Channel:
-        """Return the channel of a topic, whatever the SDK would have made."""
         return _Channel(self, topic, schema)
 
     def publish(self, message: Message) -> list[Any]:

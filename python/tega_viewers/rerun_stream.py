@@ -98,7 +98,6 @@ class RerunStream:
         self._stream.log(record.where, displayed)
 
     def _displayed(self, record: Record) -> Any:
-        """Return the viewer's drawing of a record; ``None`` for none."""
         rr = self._rerun
         displayed: Any = None
         match record:

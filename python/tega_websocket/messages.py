@@ -91,7 +91,6 @@ def decode(data: str | bytes) -> Command:
 
 
 def _plain(value: Any) -> Any:
-    """Return NumPy's arrays and numbers as plain ones; NaN becomes null."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     raise NotImplementedError(type(value).__name__)

@@ -72,7 +72,6 @@ def forward(*, config: Path, seconds: float, as_json: bool) -> None:
 
 
 def _tracker(config: SessionConfig) -> Tracker:
-    """Return the tracker of the settings, of one machine or of the operator's station."""
     from tega.devices.registry import driver_class
     from tega.errors import ConfigError
 
@@ -114,7 +113,6 @@ def _watch(tracker: Tracker, seconds: float, *, yaw_rad: float | None) -> Forear
 
 
 def _seen(sweep: ForearmSweep) -> str:
-    """Say in a line where the forearm has gone, seen from the robot."""
     ahead, left, up = (round(100 * float(x)) for x in sweep.gone_m)
     bar = "#" * max(0, min(_BAR, ahead))
     side = f"{abs(left)} cm to the {'left' if left > 0 else 'right'}" if left else "straight"

@@ -17,7 +17,6 @@ class _ReadOption(click.ParamType[dict[str, Any]]):
     name = "key=value"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> dict[str, Any]:
-        """Return the choices by name, checked."""
         import msgspec
 
         from tega.config.errors import wrong_value

@@ -137,7 +137,6 @@ class TerminalGuide(LineGuide):
         self._update(self._panel(prompt, "" if left_s is None else f"{left_s:.0f} s left", bars))
 
     def _update(self, panel: RenderableType, *, at_once: bool = False) -> None:
-        """Redraw in place, at once or within a tenth of a second."""
         from rich.live import Live
 
         if self._live is None:

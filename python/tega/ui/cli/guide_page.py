@@ -113,7 +113,6 @@ class PageGuide(LineGuide):
             self._paint(prompt, bars, "" if left_s is None else f"{left_s:.0f} s left")
 
     def _pressed(self, prompt: str, labels: Mapping[str, str]) -> str:
-        """Return which of some buttons is pressed; they are there for as long as that takes."""
         self._paint(prompt, [], "")
         pressed: queue.SimpleQueue[str] = queue.SimpleQueue()
 

@@ -158,7 +158,6 @@ def _emulate(out: Path, *, stations: bool, arm: str | None, play: int | None, as
 
 
 def _act_as_typed(act: Callable[[str], object]) -> None:
-    """Move the emulated devices by lines of the standard input, until that ends."""
     for line in sys.stdin:
         if not line.strip():
             continue

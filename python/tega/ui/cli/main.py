@@ -91,7 +91,6 @@ class _Verbs(GuestGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the verb of a command line; an unknown one gets the nearest known verbs as a hint."""
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:

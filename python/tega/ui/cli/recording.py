@@ -125,10 +125,7 @@ def _names(options: Sequence[click.Parameter]) -> set[str]:
 
 
 class _Export(click.Command):
-    """The command with the options of every format."""
-
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """Return the own options and those of features' formats."""
         guests = [option for one in _guest_formats().values() for option in one.options]
         return [*super().get_params(ctx), *guests]
 

@@ -145,7 +145,6 @@ def replay(
 
 
 def _tree(flags: dict[str, Any]) -> dict[str, Any]:
-    """Return the settings that the flags ask for, as in a settings file."""
     baselines = _by_finger("--baseline", flags["baseline"])
     recordings = _by_finger("--tactile", flags["tactile"])
     for finger in baselines:

@@ -42,7 +42,6 @@ def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> No
 
 
 def _print_link(out: Console, net: dict[str, Any] | None) -> None:
-    """Say how the link to the other station was, if there is one."""
     if net is None:
         return
     operator = net["station"] == "operator"

@@ -127,7 +127,6 @@ def _kept(replay: Replay) -> dict[str, str]:
 
 
 def _inputs(replay: Replay) -> str:
-    """Return in words what a recording was re-run from."""
     raw = {"contacts": "pictures", "levels": "samples"}
     kept = _kept(replay)
     if len(kept) == 2 and not any(kept.values()):

@@ -89,7 +89,6 @@ class SameMachine:
             ).start()
 
     def _connect(self, client: socket.socket) -> None:
-        """Read the head of a request, and pass the connection on or refuse it."""
         try:
             with client, contextlib.suppress(OSError):
                 client.settimeout(_HEAD_S)
@@ -129,7 +128,6 @@ class SameMachine:
         other.join()
 
     def _pass_on(self, source: socket.socket, target: socket.socket) -> None:
-        """Pass bytes on until one end closes."""
         piece = memoryview(bytearray(_PIECE_BYTES))
         source.settimeout(_POLL_S)
         with contextlib.suppress(OSError):

@@ -82,7 +82,6 @@ def _motors(intensities: Sequence[int], *, each: int) -> list[Text]:
 
 
 def _inputs(view: LoopView) -> Text:
-    """Draw the operator's input devices: axes that are pushed, and whether the switch is held."""
     text = Text()
     for name, seen in view.inputs.items():
         style = "bold red" if not seen.state.live else "bold green" if seen.held else "grey70"
@@ -91,7 +90,6 @@ def _inputs(view: LoopView) -> Text:
 
 
 def _arm(view: LoopView) -> Text:
-    """Draw the arm's state with its reason, the operator's switches, and the place of the hand."""
     text = Text.assemble((f"arm   {view.arm}", "bold"))
     if (arm := view.seen_arm) is not None:
         text.append(f"\n      {arm.switches}; hand at {arm.place}", "grey70")
@@ -99,7 +97,6 @@ def _arm(view: LoopView) -> Text:
 
 
 def _state(view: LoopView, *, late: bool, most_alerts: int | None) -> Text:
-    """Draw the run's state, its reason unless that is good news, and the alerts."""
     style = "white on grey50" if late else _STATE_STYLES[view.state]
     text = Text.assemble((f" {view.state.upper()} ", f"bold {style}"), f" {meaning(view)}")
     reason, alerts = lines_beside(view)

@@ -128,7 +128,6 @@ class SessionFeed(Part):
         self._marker = marker
 
     def _marked(self, t_ns: int) -> dict[str, str]:
-        """Say which moment was marked last, and how long ago."""
         if (marker := self._marker) is None or t_ns - marker.t_ns > _MARKED_NS:
             return {}
         text = marker.text[:_MARKED_LETTERS]
@@ -172,7 +171,6 @@ class _Pictures:
         self._waiting.append((t_ns, image))
 
     def at(self, t_ns: int) -> TouchImage | None:
-        """Return the newest one by a time; a sensor has no past."""
         while self._waiting and (self._live or self._waiting[0][0] <= t_ns):
             self._displayed = self._waiting.popleft()[1]
         return self._displayed
@@ -283,7 +281,6 @@ class MuscleRows:
 
 
 def _fatigue(condition: MuscleCondition) -> str:
-    """Say the median frequencies and how fast they fall or rise; nothing where the source has no spectrum."""
     if not any(map(math.isfinite, condition.median_hz)):
         return ""
     message = f"median frequency {_reported(condition.median_hz, '.0f')} Hz"

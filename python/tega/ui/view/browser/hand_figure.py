@@ -85,7 +85,6 @@ class HandFigure:
         )
 
     def _add(self, body: ET.Element, parent: int) -> None:
-        """Add a body of the description, with its fixed parts and its children."""
         number, joint = len(self._links), body.find("joint")
         axis = np.zeros(3) if joint is None else _numbers(joint.get("axis", "0 0 1"))
         name = "" if joint is None else joint.get("name", "")

@@ -121,7 +121,6 @@ def _guarded(
 
 
 def _named(answer: Any, label: str) -> Any:
-    """Give the page its own title and icon in place of the library's."""
     text = answer.body.decode()
     text = re.sub(r"<title>.*?</title>", lambda _found: f"<title>{escape(label)}</title>", text, count=1)
     text = re.sub(r'(rel="icon"\s+href=")[^"]*', lambda found: found[1] + _ICON, text, count=1)
@@ -132,7 +131,6 @@ def _named(answer: Any, label: str) -> Any:
 
 
 def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
-    """Return why a request is refused; ``""`` for one of this server's own pages."""
     first = request.path.partition("?")[0].split("/")[1:2]
     if not first or not hmac.compare_digest(first[0].encode(), token.encode()):
         return "the address has a token in it: use the one that the program has printed"

@@ -87,7 +87,6 @@ class TouchSheet:
 
 
 def _sampling(shape: tuple[int, ...]) -> tuple[Pixels, Pixels]:
-    """Return the rows and columns of a picture that a tile shows."""
     height, width = shape[:2]
     if height % TILE_HEIGHT == 0 and width % TILE_WIDTH == 0:
         return slice(None, None, height // TILE_HEIGHT), slice(None, None, width // TILE_WIDTH)
@@ -174,7 +173,6 @@ def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
 
 
 def _fitted(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return a picture as large as it fits into its place, by the nearest pixels."""
     height, width = picture.shape[:2]
     scale = min(WIDTH_PX / width, _HIGHEST_PX / height)
     rows, columns = (max(1, int(side * scale)) for side in (height, width))

@@ -57,8 +57,6 @@ _PLANE_M = 0.01
 
 
 class _ShapePart(NamedTuple):
-    """One instance of a unit primitive, fixed to a shape."""
-
     shape: int
     offset_m: float  # along the shape's own z
     scale: tuple[float, float, float]

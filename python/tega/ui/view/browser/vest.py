@@ -88,7 +88,6 @@ def _face(
 
 
 def _click(motor: int) -> str:
-    """Return the attributes that have the page request a motor, and show the result below the torso."""
     message = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
     ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {message})"
     return f' style="cursor:pointer" role="button" aria-label="try motor {motor}" onclick="{ask}"'
