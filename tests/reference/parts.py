@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
+from typing import Any, Self
 
+from tega.config import SessionConfig
+from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.inbox.inputs import Prepared
 from tega.loop.parts import Part
 from tega.loop.snapshot import LoopView, Snapshot
@@ -39,3 +44,36 @@ class Given(Part):
     def prepared(self, prepared: Prepared) -> Prepared:
         """Return the changed inputs."""
         return self._change(prepared)
+
+
+class Running:
+    """A run in a thread until the block is left, with its moments and notices; ``how`` is as of ``run_session``."""
+
+    def __init__(self, config: SessionConfig, bus: Bus | None = None, **how: Any) -> None:
+        self.views, self.notices, self.summary = list[LoopView](), list[str](), dict[str, Any]()
+        self.bus = observed(self.views.append, bus, notices=self.notices.append)
+        self._config, self._how, self._over = config, how, threading.Event()
+        self.thread = threading.Thread(target=self._run, daemon=True)
+
+    def _run(self) -> None:
+        controls = Controls(stop=self._over.is_set)
+        self.summary = run_session(self._config, bus=self.bus, controls=controls, **self._how)
+
+    def __enter__(self) -> Self:
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> dict[str, Any]:
+        """End the run and return its summary."""
+        self._over.set()
+        self.thread.join(60)
+        assert not self.thread.is_alive()
+        return self.summary
+
+    @property
+    def view(self) -> LoopView:
+        """The newest moment; an empty one before the first."""
+        return self.views[-1] if self.views else LoopView(0, {}, None, None, None, {})

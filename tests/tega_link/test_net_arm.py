@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import csv
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from reference.parts import observed
-from tega.loop.controls import Controls
+from reference.parts import Running
 
 pytest.importorskip("zenoh", reason="needs the extra net")
 
 from reference.net import Leader
 from reference.processes import until
 from tega.config import check_tree
-from tega.loop import LoopView, run_session
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.stations import Program, free_port
 from tega_link.messages import Refused, Welcome
@@ -41,37 +37,18 @@ driver = "simulated-arm"
 """
 
 
-class Operator:
+class Operator(Running):
     """An operator's run in a thread, with the lab's headset and SpaceMouse."""
 
     def __init__(self, lab: EmulatedLab, folder: Path, port: int) -> None:
-        net = {
-            "station": "operator",
-            "connect": f"tcp/127.0.0.1:{port}",
-            "tracker": lab.tree["arm"]["tracker"],
-        }
-        tree: dict[str, Any] = {"net": net, "input": lab.tree["input"]}
-        self.lab, self.arm = lab, ""
-        self.summary: dict[str, Any] = {}
-        self._config = check_tree(tree, {}, base=folder).config
-        self._over = threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        tracker, connect = lab.tree["arm"]["tracker"], f"tcp/127.0.0.1:{port}"
+        net = {"station": "operator", "connect": connect, "tracker": tracker}
+        super().__init__(check_tree({"net": net, "input": lab.tree["input"]}, {}, base=folder).config)
+        self.lab = lab
 
-    def __enter__(self) -> Operator:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_error: object) -> None:
-        self._over.set()
-        self._thread.join(30)
-
-    def _run(self) -> None:
-        self.summary = run_session(
-            self._config, controls=Controls(stop=self._over.is_set), bus=observed(self._observe)
-        )
-
-    def _observe(self, view: LoopView) -> None:
-        self.arm = view.arm
+    @property
+    def arm(self) -> str:
+        return self.view.arm
 
     def starts(self, words: str) -> None:
         until(lambda: self.arm.startswith(words))

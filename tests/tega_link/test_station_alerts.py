@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from reference.parts import observed
+from reference.parts import Running
 from reference.processes import until
 from tega.config import load_config
-from tega.loop import run_session
-from tega.loop.controls import Controls
-from tega.loop.snapshot import LoopView
 from tega.recording.mcap_reader import McapReader
 
 pytest.importorskip("zenoh", reason="needs the extra net")
@@ -31,29 +27,13 @@ def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words
     robot_file.write_text(robot_file.read_text() + robot_more)
     sets = [f"recording.dir={folder / 'recorded'}", "recording.stop_free_mib=0"]
     config = load_config(operator_file, sets=sets, environ={}).config
-    views: list[LoopView] = []
-    text, over, summary = set[str](), threading.Event(), dict[str, Any]()
-
-    def check(view: LoopView) -> None:
-        views.append(view)
-        text.update(view.alerts)
-
     with Program("robot", robot_file) as robot:
         robot.await_said("waits for an operator")
-
-        def lead() -> None:
-            summary.update(run_session(config, bus=observed(check), controls=Controls(stop=over.is_set)))
-
-        run = threading.Thread(target=lead)
-        run.start()
-        try:
-            until(lambda: bool(views) and views[-1].state == "active")
+        with Running(config) as run:
+            until(lambda: run.view.state == "active")
             disturb(robot)
-            until(lambda: any(words in one for one in text))
-        finally:
-            over.set()
-            run.join(60)
-    file = folder / "recorded" / str(summary["recording"]["file"])
+            until(lambda: any(words in one for view in run.views for one in view.alerts))
+    file = folder / "recorded" / str(run.summary["recording"]["file"])
     alerts = [one.value.said for one in McapReader(file).messages() if one.schema == "tega.Alert"]
     assert any(words in one for one in alerts)
 

@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterator
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pytest
@@ -22,13 +22,11 @@ import pytest
 pytest.importorskip("cyclonedds", reason="needs the extra ros2")
 pytest.importorskip("rosbags", reason="needs the extra ros2")
 
-from reference.parts import observed
+from reference.parts import Running
 from reference.processes import until
 from reference.sessions import tree
 from tega.config import check_tree
 from tega.hand import CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, JOINT_NAMES
-from tega.loop import LoopView, run_session
-from tega.loop.controls import Controls
 from tega.recording.replay import replay_file
 from tega.records import Contact, Intent, Joints, Picture
 from tega.records.bus import Bus
@@ -109,38 +107,25 @@ def peer(request: pytest.FixtureRequest) -> Iterator[Peer]:
         yield made
 
 
-class Run:
-    """A run of settings in a thread, perhaps streamed, with what it publishes on its bus."""
+class Run(Running):
+    """A run of settings, perhaps streamed, with what it publishes on its bus."""
 
     def __init__(self, given: dict[str, Any], *, stream: bool = False, base: Path | None = None) -> None:
-        self.view = LoopView(0, {}, None, None, None, {})
-        self.bus, self.summary = observed(self._observe), dict[str, Any]()
+        super().__init__(check_tree(given, {}, base=base or Path.cwd()).config)
+        self._stream: Any = Ros2Stream(self.bus) if stream else nullcontext()
         self.records: list[Any] = []
-        self.stream = Ros2Stream(self.bus) if stream else None
-        self._config = check_tree(given, {}, base=base or Path.cwd()).config
-        self._begun, self._over = threading.Event(), threading.Event()
-        self._thread = threading.Thread(target=self._run, daemon=True)
         for kind in (Contact, Intent, Joints):
             self.bus.subscribe(kind, self.records.append)
 
-    def _observe(self, view: LoopView) -> None:
-        self.view = view
-        self._begun.set()
-
-    def __enter__(self) -> Run:
-        self._thread.start()
-        until(lambda: self._begun.is_set() or not self._thread.is_alive())
+    def __enter__(self) -> Self:
+        self._stream.__enter__()
+        super().__enter__()
+        until(lambda: bool(self.views) or not self.thread.is_alive())
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join(30)
-        assert not self._thread.is_alive()
-
-    def _run(self) -> None:
-        controls = Controls(stop=self._over.is_set)
-        with nullcontext() if self.stream is None else self.stream:
-            self.summary = run_session(self._config, bus=self.bus, controls=controls)
+        super().__exit__()
+        self._stream.__exit__(None, None, None)
 
     def all(self, kind: type[Any]) -> list[Any]:
         return [record for record in list(self.records) if isinstance(record, kind)]

@@ -7,13 +7,12 @@ import math
 import re
 import shutil
 import subprocess
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 import pytest
@@ -27,16 +26,14 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin
 
 from reference.chromium import launched
+from reference.parts import Running
 from reference.processes import until
 from reference.sessions import tree
 from tega.config import check_tree
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.loop import run_session
-from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader
 from tega.records import Contact, EmgSamples, Intent
-from tega.records.bus import Bus
-from tega.records.display import Notice
 from tega_websocket.commands import Commands
 from tega_websocket.messages import MessageError, decode, encode_record
 
@@ -58,36 +55,18 @@ def settings(folder: Path | None = None, **table: Any) -> dict[str, Any]:
     return given
 
 
-class Run:
+class Run(Running):
     """A run in a thread, with its address."""
 
     def __init__(self, tree: dict[str, Any]) -> None:
-        self.bus, self.url, self.summary = Bus(), "", dict[str, Any]()
-        self._stop = threading.Event()
-        self.bus.subscribe(Notice, self._notice)
-        self.config = check_tree(tree, {}, base=Path.cwd()).config
-        self._thread = threading.Thread(target=self._run, daemon=True)
+        super().__init__(check_tree(tree, {}, base=Path.cwd()).config)
+        self.url = ""
 
-    def __enter__(self) -> Run:
-        self._thread.start()
-        until(lambda: self.url != "")
+    def __enter__(self) -> Self:
+        super().__enter__()
+        until(lambda: any(text.startswith("websocket: ") for text in self.notices))
+        self.url = next(text for text in self.notices if text.startswith("websocket: "))[len("websocket: ") :]
         return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()
-
-    def end(self) -> dict[str, Any]:
-        self._stop.set()
-        self._thread.join(20)
-        assert not self._thread.is_alive()
-        return self.summary
-
-    def _notice(self, notice: Notice) -> None:
-        if notice.text.startswith("websocket: "):
-            self.url = notice.text.removeprefix("websocket: ")
-
-    def _run(self) -> None:
-        self.summary = run_session(self.config, bus=self.bus, controls=Controls(stop=self._stop.is_set))
 
 
 class Peer:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import io
 import re
-import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,15 +14,13 @@ import pytest
 from rich.console import Console
 
 from hazards.bench import lab
-from reference.parts import observed
+from reference.parts import Running, observed
 from reference.processes import until
 from reference.sessions import Recorded, read_recorded
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
-from tega.loop import run_session
 from tega.loop.snapshot import LoopView
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
-from tega.records.bus import Bus
 from tega.records.outputs import VestRecord
 from tega.runtime.clock import PausableClock
 from tega.ui.view.browser import BrowserView, Controls
@@ -163,12 +160,11 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
     config = check_tree(tree, {}, base=tmp_path).config
     controls = Controls(can_pause=True, can_mute=True, can_go=True)
     moments: list[Shown] = []
+    clock = PausableClock(lambda: controls.paused)
     with BrowserView(port=0, controls=controls) as view:
-        bus = observed(lambda loop: moments.append(displayed(loop)), Bus())
-        view.watch(bus)
-        clock = PausableClock(lambda: controls.paused)
-        beside = threading.Thread(target=lambda: run_session(config, bus=bus, clock=clock))
-        beside.start()
+        run = Running(config, observed(lambda loop: moments.append(displayed(loop))), clock=clock)
+        view.watch(run.bus)
+        run.thread.start()
         until(lambda: len(moments) > 30)
         assert view.page.inputs["go"].disabled  # the run steers already
         controls.paused = True
@@ -179,12 +175,12 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
         assert len(moments) == n_displayed
         until(lambda: f"<b>{last.page['hand']}</b>" in view.page.status.content)
         controls.paused = False
-        beside.join(30.0)
+        run.thread.join(30.0)
         until(lambda: "STOPPED" in view.page.run_state.content)
         until(lambda: "tega-ended" in view.page._vest.content)
         assert view.page.inputs["haptics"].disabled
         assert view.page.inputs["go"].disabled
-    assert not beside.is_alive()
+    assert not run.thread.is_alive()
     recorded = read_recorded(next((tmp_path / "recorded").rglob("*.mcap")))
     check(last, recorded)
     check(moments[-1], recorded)

@@ -219,12 +219,10 @@ def test_on_a_quick_link_a_command_is_used_until_just_before_the_limit_and_not_a
 def test_samples_arrive_as_they_were_and_what_is_lost_shows_in_their_numbers(chunks, offset_ns) -> None:
     sequence, lost = itertools.count(), iter([is_lost for _, _, is_lost in chunks])
     muscles, messages = FarMuscles(), list[bytes]()
-    receiver, sender = (
-        SampleReceiver(muscles),
-        SampleSender(lambda: {"session": 7, "sequence": next(sequence), "sent_ns": offset_ns}, lambda: True),
-    )
+    stamp = {"session": 7, "sent_ns": offset_ns}
+    receiver = SampleReceiver(muscles)
+    sender = SampleSender(messages.append, lambda: stamp | {"sequence": next(sequence)}, lambda: True)
     receiver.begin(7)
-    sender.open(messages.append)
     sender.begin(0)
     given: dict[int, list[float]] = {}
     n = t_ns = 0
