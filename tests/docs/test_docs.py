@@ -1,13 +1,20 @@
-"""What documents show as Python runs as it stands, docstrings and pages alike."""
+"""What documents show runs as it stands: docstrings, the Python of pages, notebooks, tutorials, the site's search."""
 
 from __future__ import annotations
 
 import doctest
 import importlib
+import os
 import pkgutil
 import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -15,9 +22,16 @@ import tega
 import tega_campaigns
 import tega_emulators
 import tega_figures
+from reference.chromium import launched
+from reference.page_blocks import blocks_of
+from tega_figures.public import PUBLIC
 from tega_sim.world import read_objects
 
 PROJECT = Path(__file__).resolve().parents[2]
+DOCS, NOTEBOOKS = PROJECT / "docs", PROJECT / "examples" / "notebooks"
+TUTORIALS = sorted([*(DOCS / "tutorials").glob("*.md"), DOCS / "start/without-hardware.md"])
+MARKS = {"", "install", "background", "hardware"}
+WAIT_S = 300
 # Modules whose import needs an optional package do so inside functions, so that all can be walked.
 MODULES = sorted(
     m.name
@@ -25,19 +39,35 @@ MODULES = sorted(
     for m in pkgutil.walk_packages(package.__path__, f"{package.__name__}.")
     if not m.name.endswith("__main__")
 )
+LAB = """
+[session]
+pace = "real"
+
+[tactile.thumb]
+driver = "synthetic-touch"
+options = { duration_s = 4.0 }
+
+[emg]
+driver = "synthetic-emg"
+kind = "raw"
+options = { duration_s = 4.0 }
+
+[vest]
+driver = "vest-recorder"
+options = { file = "vest.csv" }
+
+[hand]
+driver = "can-recorder"
+options = { file = "can.csv" }
+"""
 
 pytestmark = pytest.mark.skipif(not (PROJECT / "README.md").is_file(), reason="not a checkout")
 
 
 def has_example(name: str) -> bool:
-    """Whether a module's source shows a session of Python."""
     spec = find_spec(name)
-    return bool(
-        spec
-        and spec.origin
-        and spec.origin.endswith(".py")
-        and ">>> " in Path(spec.origin).read_text("utf-8")
-    )
+    is_source = spec and spec.origin and spec.origin.endswith(".py")
+    return bool(is_source and spec and ">>> " in Path(str(spec.origin)).read_text("utf-8"))
 
 
 @pytest.mark.parametrize("name", [name for name in MODULES if has_example(name)])
@@ -54,28 +84,141 @@ def test_every_module_can_be_imported() -> None:
         importlib.import_module(name)
 
 
-def blocks(page: str, language: str) -> list[str]:
-    """Return the blocks of a page in a language."""
-    text = (PROJECT / page).read_text(encoding="utf-8")
-    return re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
-
-
-@pytest.mark.parametrize("page", ["README.md", "docs/arm.md", "docs/evidence/sim.md"])
-def test_a_page_s_python_runs(page: str) -> None:
-    code = blocks(page, "python")
+def python_of(page: str, n: int | None = None) -> dict[str, object]:
+    """Run a page's Python, or its first blocks, and return the names that it leaves."""
     names: dict[str, object] = {}
-    for block in code[:1] if page == "README.md" else code:  # its second one needs devices
+    blocks = [block.text for block in blocks_of(PROJECT / page) if block.language == "python"]
+    assert blocks
+    for block in blocks[:n]:
         exec(compile(block, page, "exec"), names)
-    if page == "README.md":
-        assert isinstance(names["packet"], bytes)
-        assert len(names["packet"]) == 20
-    elif page == "docs/arm.md":
-        assert getattr(names["command"], "state", "") == "idle"
-    else:
-        assert getattr(names["emg_uv"], "shape", None) == (10, 3)
+    return names
+
+
+def test_a_page_s_python_runs() -> None:
+    packet = python_of("README.md", 1)["packet"]  # its second block needs devices
+    assert isinstance(packet, bytes)
+    assert len(packet) == 20
+    assert getattr(python_of("docs/arm.md")["command"], "state", "") == "idle"
+    assert getattr(python_of("docs/evidence/sim.md")["emg_uv"], "shape", None) == (10, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", ["docs/library.md", "README.md"])
+def test_the_python_of_a_page_runs_on_devices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    pytest.importorskip("matplotlib").use("Agg")
+    import matplotlib.pyplot as plt
+
+    (tmp_path / "lab.toml").write_text(LAB)
+    (tmp_path / "examples").symlink_to(PROJECT / "examples")
+    monkeypatch.chdir(tmp_path)
+    python_of(page)
+    plt.close("all")
+    assert re.search(r"\d\.\d\d s, thumb: ", capsys.readouterr().out)
 
 
 def test_the_object_of_a_page_can_be_read(tmp_path: Path) -> None:
-    (text,) = blocks("docs/evidence/sim.md", "toml")
+    (text,) = [b.text for b in blocks_of(DOCS / "evidence/sim.md") if b.language == "toml"]
     (tmp_path / "things.toml").write_text(text, encoding="utf-8")
     assert list(read_objects(tmp_path / "things.toml")) == ["tin"]
+
+
+@pytest.mark.slow
+def test_the_library_s_names_are_the_reference_s() -> None:
+    listed = (PROJECT / "docs" / "public.txt").read_text(encoding="utf-8")
+    own = re.search(r"^tega\n(.*?)\n\n", listed, re.DOTALL | re.MULTILINE)
+    assert own is not None
+    names = {
+        re.split(r"[(:]", line.strip().removeprefix("module ").removeprefix("def "))[0]
+        for line in own[1].splitlines()
+    }
+    assert names == set(tega.__all__)
+    for name in tega.__all__:
+        assert getattr(tega, name) is not None
+    stub = (Path(tega.__file__).parent / "__init__.pyi").read_text(encoding="utf-8")
+    assert set(re.findall(r'^    "(\w+)",$', stub, re.MULTILINE)) == set(tega.__all__)
+    assert {"tega.plot", "tega.recording.opened", "tega.loop.program"} <= set(PUBLIC)
+    modules = {name for name in tega.__all__ if isinstance(getattr(tega, name), ModuleType)}
+    assert modules == {
+        name.removeprefix("tega.") for name in PUBLIC if name.count(".") == 1 and name.startswith("tega.")
+    }
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["equations", "recording", "decoders"])
+def test_a_notebook_runs(name: str) -> None:
+    words = ["-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider", "-p", "nbmake", "--nbmake"]
+    words.append(str(NOTEBOOKS / f"{name}.ipynb"))
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "1 passed" in done.stdout
+
+
+def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
+    """Start what stays up, and wait for the settings file that it writes."""
+    (words,) = [line.split() for line in text.splitlines() if line.strip()]
+    written = folder / words[words.index("--out") + 1]
+    stays = subprocess.Popen(words, cwd=folder, env=environment, text=True)
+    for _ in range(10 * WAIT_S):
+        assert stays.poll() is None, f"{text} ended with {stays.returncode}"
+        if written.is_file():
+            return stays
+        time.sleep(0.1)
+    raise AssertionError(f"{text} wrote no {written.name}")
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("page", TUTORIALS, ids=lambda p: p.stem)
+def test_a_tutorial_runs_as_written(page: Path, tmp_path: Path) -> None:
+    (tmp_path / "examples").symlink_to(PROJECT / "examples")
+    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    ups: list[subprocess.Popen[str]] = []
+    n_ran = 0
+    try:
+        for block in blocks_of(page):
+            assert block.mark in MARKS
+            if block.title:
+                (tmp_path / block.title).write_text(block.text, encoding="utf-8")
+            elif block.language == "python":
+                subprocess.run([sys.executable, "-c", block.text], cwd=tmp_path, check=True, timeout=WAIT_S)
+            elif block.language == "sh" and block.mark == "background":
+                ups.append(start(block.text, tmp_path, environment))
+            elif block.language == "sh" and not block.mark:
+                for line in filter(None, block.text.splitlines()):
+                    done = subprocess.run(
+                        line,
+                        shell=True,
+                        cwd=tmp_path,
+                        env=environment,
+                        capture_output=True,
+                        text=True,
+                        check=False,
+                        timeout=WAIT_S,
+                        stdin=subprocess.DEVNULL,
+                    )
+                    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
+                    assert "Traceback" not in done.stderr
+                    n_ran += 1
+    finally:
+        for up in ups:
+            up.send_signal(signal.SIGINT)
+        for up in ups:
+            up.wait(timeout=60)
+    assert n_ran > 0
+
+
+@pytest.mark.slow
+def test_a_page_from_the_disk_has_a_worker_for_its_search(tmp_path: Path) -> None:
+    (tmp_path / "twice.js").write_text('addEventListener("message", (asked) => postMessage(2 * asked.data));')
+    (tmp_path / "page.html").write_text(
+        '<body><script src="file-worker.js"></script><script>const worker = new Worker("twice.js");'
+        'worker.addEventListener("message", (told) => { document.title = told.data; });'
+        "worker.postMessage(21);</script>"
+    )
+    shutil.copy(DOCS / "file-worker.js", tmp_path)
+    with launched() as browser:
+        displayed = browser.new_page()
+        displayed.goto((tmp_path / "page.html").as_uri())
+        displayed.wait_for_function("document.title === '42'", timeout=60_000)
