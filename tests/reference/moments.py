@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from msgspec.structs import replace
 
+from reference.parts import observed
 from reference.recordings import baseline, pressed
+from tega.config import check_tree
 from tega.config.choose import preset_metric
 from tega.haptics import FINGERS, intensity, vest_frame
+from tega.loop import run_session
 from tega.loop.snapshot import LoopView
 from tega.records import Intent
+from tega.records.bus import Bus
+from tega.ui.view.browser.feed import SessionFeed
 from tega.ui.view.state import EmgTail, Shape, TouchImage, ViewState
 
 RATE_HZ = 1000.0
@@ -91,3 +98,12 @@ def _poses(squeeze: float) -> np.ndarray:
             (0.0, 0.0, 0.09 + lift, *upright),
         ]
     )
+
+
+def completed(tree: dict[str, Any], folder: Path) -> list[ViewState]:
+    """Run a session; return every moment as the page would show it."""
+    bus, seen = Bus(), list[ViewState]()
+    feed = SessionFeed({"preset": "live"}, bus)
+    observed(lambda loop: seen.append(feed.complete(ViewState(loop.t_ns, loop))), bus)
+    run_session(check_tree(tree, {}, base=folder).config, bus=bus, parts=[feed])
+    return seen

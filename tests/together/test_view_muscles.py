@@ -10,14 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.parts import observed
-from tega.config import check_tree
-from tega.loop import run_session
+from reference.moments import completed
 from tega.records import Adaptation, BesideIntent, Button, Intent, MuscleCondition
 from tega.records.bus import Bus
 from tega.ui.view.browser.feed import DecodersApart, MuscleRows, SessionFeed
 from tega.ui.view.browser.state_html import run_state_html, status_html
-from tega.ui.view.state import ViewState
 from tega_learn.decoders import fit
 
 
@@ -42,25 +39,13 @@ def test_blocks_of_other_lengths_are_paired_by_their_times_once_both_have_said_s
     assert apart.rows() == {}
 
 
-def moments_of(tree: dict[str, Any], folder: Path) -> list[ViewState]:
-    """Run a session; return every moment as the page would show it."""
-    bus, moments = Bus(), list[ViewState]()
-    feed = SessionFeed({}, bus)
-    run_session(
-        check_tree(tree, {}, base=folder).config,
-        bus=observed(lambda loop: moments.append(feed.complete(ViewState(loop.t_ns, loop))), bus),
-        parts=[feed],
-    )
-    return moments
-
-
 def test_a_run_that_is_looked_at_has_its_decoders_beside_without_a_recording(tmp_path: Path) -> None:
     tree = {
         "session": {"pace": "fast", "duration_s": 3.0},
         "emg": {"driver": "synthetic-emg", "kind": "raw"},
         "stages": {"beside": [{"group": "decoder", "name": "proportional"}]},
     }
-    assert "apart in" in moments_of(tree, tmp_path)[-1].rows["beside proportional"]
+    assert "apart in" in completed(tree, tmp_path)[-1].rows["beside proportional"]
 
 
 def test_the_pages_button_presses_the_key_that_undoes() -> None:
@@ -143,7 +128,7 @@ def learned(folder: Path, **options: float) -> dict[str, Any]:
 
 
 def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_know(lab: Path) -> None:
-    rows = [moment.rows for moment in moments_of(learned(lab), lab)]
+    rows = [moment.rows for moment in completed(learned(lab), lab)]
     sure = [row["decoder"] for row in rows if "sure" in row.get("decoder", "")]
     assert re.fullmatch(r"closure \d\.\d\d, \d+ % sure", sure[0])
     assert rows[-1]["decoder"].endswith(": this effort is like none that the model knows")
@@ -152,7 +137,7 @@ def test_a_run_shows_how_sure_its_decoder_is_and_that_it_holds_what_it_does_not_
 
 
 def test_a_run_shows_that_it_holds_for_want_of_confidence(lab: Path) -> None:
-    moments = moments_of(learned(lab, hold_below=1.0), lab)
+    moments = completed(learned(lab, hold_below=1.0), lab)
     assert any(one.rows.get("decoder", "").endswith(" % sure, 100 % are needed") for one in moments)
 
 
@@ -162,7 +147,7 @@ def test_the_alert_of_moved_electrodes_and_the_pattern_stand_on_the_page(tmp_pat
     rng = np.random.default_rng(5)
     size = np.repeat([[30.0, 6.0], [6.0, 30.0]], [10_000, 7_000], axis=0)
     np.save(tmp_path / "emg.npy", rng.normal(size=size.shape) * size)
-    last = moments_of(tree_of(tmp_path, 40.0), tmp_path)[-2]
+    last = completed(tree_of(tmp_path, 40.0), tmp_path)[-2]
     assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)
     assert "electrodes have moved or come loose" in run_state_html(last.loop)
     assert re.search(r"electrodes</td>.*pattern \d\d % off the run", status_html(last))
