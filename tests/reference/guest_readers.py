@@ -63,23 +63,35 @@ from tega_study.touch_picture import read_touch_picture
 _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 
 
-def _journal(folder: Path) -> bytes:
-    with Journal(folder / "events.jsonl") as journal:
+def _file(name: str, write: Callable[[Path], object]) -> Callable[[Path], bytes]:
+    """Return what has a file written in a folder, and returns its bytes."""
+
+    def made(folder: Path) -> bytes:
+        write(folder / name)
+        return (folder / name).read_bytes()
+
+    return made
+
+
+def _written(name: str, write: Callable[[Path], object], read: Callable[[Path], object]) -> Reader:
+    return name, _file(name, write), read
+
+
+def _write_journal(path: Path) -> None:
+    with Journal(path) as journal:
         for trial in range(3):
             journal.add("trial_start", t_ns=trial * 10, trial=trial + 1)
             journal.add("trial_end", t_ns=trial * 10 + 5, trial=trial + 1, status="done", success=True)
-    return (folder / "events.jsonl").read_bytes()
 
 
-def _bag(folder: Path) -> bytes:
+def _write_bag(path: Path) -> None:
     messages: list[Any] = []
     for k in range(4):
         t_ns = BEGIN_NS + k * 30_000_000
-        picture = pressed(0.5, noise=k)
-        messages.append(("/gel", "image", t_ns, ros2_raw(picture, "rgb8", t_ns)))
+        messages.append(("/gel", "image", t_ns, ros2_raw(pressed(0.5, noise=k), "rgb8", t_ns)))
         emg = ros2_array(np.ones((2, 3), np.float32), ("samples", "channels"))
         messages.append(("/emg", "array", t_ns, emg))
-    return write_bag(folder / "a.mcap", messages).read_bytes()
+    write_bag(path, messages)
 
 
 def _read_all(source: Any) -> None:
@@ -96,19 +108,12 @@ def _model() -> bytes:
     return msgspec.json.encode(made.model)
 
 
-def _practice() -> PracticeRecord:
-    return PracticeRecord(
+def _read_tracked(path: Path) -> None:
+    record = PracticeRecord(
         made=_MADE, device="tty", driver="cyton", person="p01", preset="live", seed=1, duration_s=0.1,
         in_target_percent=50.0, rms_error_levels=0.5, kind="raw", rate_hz=200.0, channels=("a", "b"),
     )  # fmt: skip
-
-
-def _tracked(folder: Path) -> bytes:
-    return keep_tracked(np.arange(60.0).reshape(20, 3), folder / "r.toml").read_bytes()
-
-
-def _read_tracked(path: Path) -> None:
-    write_record(_practice(), path.with_suffix(".toml"))
+    write_record(record, path.with_suffix(".toml"))
     read_tracked(path.with_suffix(".toml"))
 
 
@@ -118,11 +123,8 @@ _CLIPS = b"""{"format": "tega-clips", "version": 1, "plan": "0", "rater": "r1", 
 
 
 def _plan(name: str) -> Callable[[Path], bytes]:
-    def made(folder: Path) -> bytes:
-        write_plan(make_plan(participants=2, seed=1, objects=["bottle"], trials=2), folder / "study")
-        return (folder / "study" / name).read_bytes()
-
-    return made
+    plan = functools.partial(make_plan, participants=2, seed=1, objects=["bottle"], trials=2)
+    return _file(f"study/{name}", lambda path: write_plan(plan(), path.parent))
 
 
 def _read_plan(path: Path) -> None:
@@ -139,10 +141,9 @@ def _read_plan(path: Path) -> None:
     read_plan(path.parent)
 
 
-def _course(folder: Path) -> bytes:
+def _write_course(path: Path) -> None:
     t_s = np.arange(1, 20) / 30
-    write_course(folder / "course.csv", TouchCourse(t_s, t_s, t_s, np.round(t_s)))
-    return (folder / "course.csv").read_bytes()
+    write_course(path, TouchCourse(t_s, t_s, t_s, np.round(t_s)))
 
 
 def _picture_of_touch() -> bytes:
@@ -152,14 +153,13 @@ def _picture_of_touch() -> bytes:
     return file.getvalue()
 
 
-def _bundle(folder: Path) -> bytes:
-    study = folder / "study"
+def _write_bundle(path: Path) -> None:
+    study = path.parent / "study"
     write_plan(make_plan(participants=2, seed=1, objects=["bottle"], trials=2), study)
     events = events_path(study, "p01")
     events.parent.mkdir(parents=True)
-    events.write_bytes(_journal(folder))
-    write_bundle(study, "p01", folder / "p01.zip")
-    return (folder / "p01.zip").read_bytes()
+    _write_journal(events)
+    write_bundle(study, "p01", path)
 
 
 def _open_bundle(path: Path) -> None:
@@ -170,41 +170,24 @@ def _open_bundle(path: Path) -> None:
         shutil.rmtree(opened, ignore_errors=True)
 
 
-def _lens(folder: Path) -> bytes:
-    save_lens(folder / "lens.json", Lens(640, 480, 500.0, 500.0, 320.0, 240.0))
-    return (folder / "lens.json").read_bytes()
-
-
-def _layout(folder: Path) -> bytes:
-    save_layout(folder / "tags.toml", example_layout())
-    return (folder / "tags.toml").read_bytes()
-
-
-def _scene(folder: Path) -> bytes:
-    film = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 64))
+def _write_scene(path: Path) -> None:
+    film = cv2.VideoWriter(str(path.with_name("film.avi")), cv2.VideoWriter.fourcc(*"MJPG"), 30, (64, 64))
     for shade in (40, 80, 120):
         film.write(np.full((64, 64, 3), shade, np.uint8))
     film.release()
-    cameras = {"front": str(folder / "film.avi")}
-    record_cameras(folder / "scene.mcap", cameras, size=(64, 64), rate_hz=30, stop=lambda: False)
-    return (folder / "scene.mcap").read_bytes()
+    cameras = {"front": str(path.with_name("film.avi"))}
+    record_cameras(path, cameras, size=(64, 64), rate_hz=30, stop=lambda: False)
 
 
-def _mp4(folder: Path) -> bytes:
-    _scene(folder)
-    export_camera(folder / "scene.mcap", "front", folder / "front.mp4")
-    return (folder / "front.mp4").read_bytes()
+def _write_mp4(path: Path) -> None:
+    _write_scene(path.with_name("scene.mcap"))
+    export_camera(path.with_name("scene.mcap"), "front", path)
 
 
 def _read_pictures(path: Path) -> None:
     for number, _ in enumerate(read_pictures(path)):
         if number == 50:
             return
-
-
-def _wav(folder: Path) -> bytes:
-    write_wav(folder / "a.wav", np.sin(np.arange(400) / 9), 8000)
-    return (folder / "a.wav").read_bytes()
 
 
 def _onset_log() -> bytes:
@@ -262,15 +245,14 @@ _COURSE_OF_FORCE = b"t_s,force_n\n0.1,1.5\n0.2,2.5\n"
 _MARKS = b"img_name,center_x,center_y,radius\nframe_0.png,10,20,5\nframe_1.png,11,21,6\n"
 
 
-def _fitts(folder: Path) -> bytes:
+def _write_fitts(path: Path) -> None:
     row = (0.25, 0.1, 0.5, 0.2, 0.45, 0.5, 1.2, 0.4, 0.0, 0.0)
     record = FittsRecord(
         made=_MADE, device="tty", driver="cyton", person="p01", preset="live", decoder="rules", seed=1, dwell_s=1.0,
         timeout_s=10.0, cursor_step=0.25, throughput_bits_s=1.0, completion_percent=100.0, overshoots=0.0,
         movements=(row,),
     )  # fmt: skip
-    write_record(record, folder / "f.toml")
-    return (folder / "f.toml").read_bytes()
+    write_record(record, path)
 
 
 def _take_commands(path: Path) -> None:
@@ -285,25 +267,30 @@ def _of_package(package: str, name: str) -> Callable[[Path], bytes]:
     return lambda _: (files(package) / name).read_bytes()
 
 
+_BAG = _file("a.mcap", _write_bag)
 # Of each kind, as READERS.
 GUEST_READERS: dict[str, Reader] = {
     "model of a decoder": ("model.json", lambda _: _model(), load_model),
-    "samples of a practice": ("r.npy", _tracked, _read_tracked),
-    "ROS 2 pictures": ("a.mcap", _bag, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
-    "ROS 2 arrays": ("a.mcap", _bag, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
+    "samples of a practice": _written(
+        "r.npy", lambda p: keep_tracked(np.arange(60.0).reshape(20, 3), p.with_suffix(".toml")), _read_tracked
+    ),
+    "ROS 2 pictures": ("a.mcap", _BAG, lambda p: _read_all(Ros2Pictures(Ros2PicturesOptions(file=p)))),
+    "ROS 2 arrays": ("a.mcap", _BAG, lambda p: _read_all(Ros2Emg(Ros2EmgOptions(file=p)))),
     "marks": ("marks.csv", lambda _: _MARKS, read_marks),
-    "journal": ("events.jsonl", _journal, read_events),
+    "journal": _written("events.jsonl", _write_journal, read_events),
     "key of clips": ("r1.json", lambda _: _CLIPS, clips.decode_key),
     "study": ("study.toml", _plan("study.toml"), _read_plan),
     "plan": ("plan.csv", _plan("plan.csv"), _read_plan),
-    "session in one file": ("p01.zip", _bundle, _open_bundle),
+    "session in one file": _written("p01.zip", _write_bundle, _open_bundle),
     "objects of a study": ("objects.toml", lambda _: _OBJECTS, lambda p: read_objects(p.parent)),
-    "lens of a camera": ("lens.json", _lens, load_lens),
-    "tags of a scene": ("tags.toml", _layout, load_layout),
+    "lens of a camera": _written(
+        "lens.json", lambda p: save_lens(p, Lens(640, 480, 500.0, 500.0, 320.0, 240.0)), load_lens
+    ),
+    "tags of a scene": _written("tags.toml", lambda p: save_layout(p, example_layout()), load_layout),
     "time code of a video": ("a.csv", lambda _: _TIMES, read_times),
     "assumptions": ("simulation.toml", lambda _: _STATED, lambda p: read_assumptions(p.parent)),
     "parameters": ("parameters.toml", lambda _: _PERSON, lambda p: read_parameters(p.parent)),
-    "course of a trial": ("course.csv", _course, read_course),
+    "course of a trial": _written("course.csv", _write_course, read_course),
     "touch of a trial": ("touch.csv", lambda _: _TOUCH, read_touch),
     "hand of a trial": ("hand.csv", lambda _: _HAND, read_hand),
     "facts of a trial": (
@@ -317,14 +304,16 @@ GUEST_READERS: dict[str, Reader] = {
     "episodes": ("episodes.jsonl", lambda _: _episodes(), lambda p: read_episodes(p.parent)),
     "simulated trials": ("results.jsonl", lambda _: _results(), read_results),
     "log of bursts": ("bursts.json", lambda _: _onset_log(), read_log),
-    "sound": ("a.wav", _wav, read_wav),
+    "sound": _written("a.wav", lambda p: write_wav(p, np.sin(np.arange(400) / 9), 8000), read_wav),
     "truth of a trial": ("truth.csv", lambda _: _TRUTH, _read_truth),
     "certificate of a station": ("station.pem", lambda _: _keys()["station.pem"], lambda p: expiry(p.parent)),
     "certificate of the authority": ("ca.pem", lambda _: _keys()["ca.pem"], _read_authority),
     "key of the authority": ("ca.key", lambda _: _keys()["ca.key"], _read_authority),
-    "video of a scene": ("front.mp4", _mp4, _read_pictures),
-    "recording of a scene": ("scene.mcap", _scene, lambda p: export_camera(p, "front", p.parent / "out.mp4")),
-    "record of a Fitts test": ("f.toml", _fitts, lambda p: read_record(p, FittsRecord).score()),
+    "video of a scene": _written("front.mp4", _write_mp4, _read_pictures),
+    "recording of a scene": _written(
+        "scene.mcap", _write_scene, lambda p: export_camera(p, "front", p.parent / "out.mp4")
+    ),
+    "record of a Fitts test": _written("f.toml", _write_fitts, lambda p: read_record(p, FittsRecord).score()),
     "people's numbers": ("people.toml", _of_package("tega_sim.operator", "parameters.toml"), load_parameters),
     "simulated objects": ("things.toml", _of_package("tega_sim.world", "objects.toml"), read_simulated),
     "moments of a light": (

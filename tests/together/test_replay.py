@@ -36,7 +36,7 @@ Ran = Callable[[str], tuple[dict[str, Any], Path]]
 
 @pytest.fixture(scope="module", autouse=True)
 def _no_picture() -> Iterator[None]:
-    """Leave out the drawing, which takes longer than all else; `test_findings.py` looks at it."""
+    """Leave out the drawing, which takes longer than all else; `test_cli.py` looks at it."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(view_session, "SessionPicture", lambda *_: SimpleNamespace(write=lambda *_, **__: None))
         yield
