@@ -1,10 +1,10 @@
 # mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
-"""Two stations, each a program of its own, over real Zenoh on this machine."""
+"""Two stations, each a program of its own, over real Zenoh on this machine, and the alerts of their link."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from threading import Event
 from typing import Any
@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from reference.parts import Given
+from reference.parts import Given, Running
 from tega.loop.controls import Controls
 
 pytest.importorskip("zenoh", reason="needs the extra net")
@@ -55,23 +55,8 @@ def robot(files: tuple[Path, Path]) -> Iterator[Program]:
         yield program
 
 
-def test_muscles_close_the_robot_s_hand_and_its_touch_comes_back(robot, files) -> None:
+def test_muscles_close_the_robot_s_hand_and_its_touch_and_pictures_come_back(robot, files) -> None:
     n_before = robot.said.count("is gone")
-    with Program("operator", files[1]) as operator:
-        operator.await_said("\nactive: ")
-        time.sleep(1.5)
-        summary = operator.end()
-    robot.await_said("operator 'operator' is gone", times=n_before + 1)
-    assert summary["net"]["robot"] == "robot"
-    assert summary["net"]["features"]["thumb"] > 10
-    assert summary["net"]["commands"] > 10
-    assert abs(summary["net"]["clock"]["offset_ms"]) <= summary["net"]["clock"]["round_trip_ms"]
-    assert summary["tactile"]["thumb"]["frames"] > 10
-    assert summary["hand"]["sinks"] == ["net"]
-
-
-@pytest.mark.usefixtures("robot")
-def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -> None:
     seen: list[Picture] = []
     baselines: list[tuple[int, ...]] = []
     bus = Bus()
@@ -83,18 +68,20 @@ def test_pictures_come_for_the_page_with_the_gel_they_are_compared_with(files) -
 
     config = load_config(files[1], environ={}).config
     until_s = time.monotonic() + 60
-    summary = run_session(
-        config,
-        bus=bus,
-        controls=Controls(stop=lambda: len(seen) > 4 or time.monotonic() > until_s),
-        parts=[Given(watch)],
-    )
+    stop = Controls(stop=lambda: len(seen) > 4 or time.monotonic() > until_s)
+    summary = run_session(config, bus=bus, controls=stop, parts=[Given(watch)])
+    robot.await_said("operator 'operator' is gone", times=n_before + 1)
+    assert summary["net"]["robot"] == "robot"
+    assert summary["net"]["features"]["thumb"] > len(seen)
+    assert summary["net"]["commands"] > 10
+    assert abs(summary["net"]["clock"]["offset_ms"]) <= summary["net"]["clock"]["round_trip_ms"]
+    assert summary["tactile"]["thumb"]["frames"] > 10
+    assert summary["hand"]["sinks"] == ["net"]
     assert {frame.image.shape for frame in seen} == set(baselines)
     # A recording is read a second ahead, so its pictures are early; by our clock they are of about now.
     assert all(abs(frame.t_ns) < 60e9 for frame in seen)
     numbers = [frame.seq for frame in seen]
     assert numbers == sorted(set(numbers))
-    assert summary["net"]["features"]["thumb"] > len(seen)
 
 
 @pytest.mark.usefixtures("robot")
@@ -142,27 +129,6 @@ def test_only_commands_of_the_leader_in_order_and_young_are_obeyed(port) -> None
         until(lambda: all(refused(why) >= n for why, n in expected.items()))
         assert alice.state is not None
         until(lambda: alice.state is not None and "no command from 'alice'" in alice.state.problem)
-
-
-@pytest.mark.usefixtures("robot")
-def test_a_silent_operator_leaves_the_hand_held_then_open(port) -> None:
-    def is_in(state: str) -> bool:
-        return alice.state is not None and alice.state.state == state
-
-    with Leader(port, session=90) as alice:
-        assert isinstance(alice.join(), Welcome)
-        until(lambda: alice.clocks > 0)
-        sequence = 0
-        until_s = time.monotonic() + 60
-        while not is_in("active") and time.monotonic() < until_s:
-            alice.say(sequence)
-            sequence += 1
-            time.sleep(0.02)
-        assert is_in("active")
-        until(lambda: is_in("hold"))
-        assert alice.state is not None
-        assert "link: no command from 'alice'" in alice.state.reason
-        until(lambda: is_in("idle"))
 
 
 def test_a_robot_that_is_started_again_is_led_again(tmp_path) -> None:
@@ -310,3 +276,43 @@ def test_what_waits_for_a_sender_that_stands_still_is_bounded(monkeypatch) -> No
         go_on.set()
         until(lambda: len(sent) == 1001)
     assert sent[-1] == b"2999"
+
+
+def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words: str) -> None:
+    """Lead a robot and disturb it until the operator's display and recording have an alert."""
+    robot_file, operator_file = write_stations(folder, port=free_port())
+    robot_file.write_text(robot_file.read_text() + robot_more)
+    sets = [f"recording.dir={folder / 'recorded'}", "recording.stop_free_mib=0"]
+    config = load_config(operator_file, sets=sets, environ={}).config
+    with Program("robot", robot_file) as robot:
+        robot.await_said("waits for an operator")
+        with Running(config) as run:
+            until(lambda: run.view.state == "active")
+            disturb(robot)
+            until(lambda: any(words in one for view in run.views for one in view.alerts))
+    file = folder / "recorded" / str(run.summary["recording"]["file"])
+    alerts = [one.value.said for one in McapReader(file).messages() if one.schema == "tega.Alert"]
+    assert any(words in one for one in alerts)
+
+
+@pytest.mark.raises("link")
+def test_a_robot_that_is_gone_is_an_alert(tmp_path: Path) -> None:
+    led(tmp_path, "", lambda robot: robot.process.kill(), "link: no word from robot")
+
+
+@pytest.mark.raises("station")
+def test_an_alert_of_the_robot_is_one_at_the_operator_s(tmp_path: Path) -> None:
+    pytest.importorskip("pylsl", reason="needs the extra lsl")
+    more = '\n[markers]\nlsl_in = "tega-test-nobody-there"\n'
+    led(tmp_path, more, lambda _: None, "robot: markers: no stream called 'tega-test-nobody-there'")
+
+
+@pytest.mark.raises("sending")
+def test_a_transport_that_refuses_is_an_alert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_robot: Program) -> None:
+        def put(*_: Any) -> None:
+            raise RuntimeError("the transport is gone")
+
+        monkeypatch.setattr(Link, "_put", put)
+
+    led(tmp_path, "", refuse, "were not sent: the transport is gone")

@@ -37,7 +37,7 @@ HERE = Path(__file__).parent
 # A ROS 2 installation may bring an interpreter of its own.
 ROS_PYTHON = os.environ.get("TEGA_ROS2_PYTHON", sys.executable)
 DOMAIN = 100 + os.getpid() % 100
-OPEN, TIGHT = CLOSURE_POSES_RAD[0].tolist(), CLOSURE_POSES_RAD[4].tolist()
+TIGHT = CLOSURE_POSES_RAD[4].tolist()
 
 pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("_domain")]
 
@@ -214,12 +214,8 @@ def test_a_peer_closes_the_hand_and_a_silent_or_departed_one_lets_it_hold(peer: 
 
 BAD = [
     ({"name": ["closure"], "position": [math.nan]}, "not finite"),
-    ({"name": ["closure"], "position": [math.inf]}, "not finite"),
     ({"name": ["closure"], "position": [80.0]}, "out of range"),
-    ({"name": ["closure"], "position": []}, "wrong length"),
-    ({"name": [], "position": []}, "wrong joints"),
     ({"name": ["closure"], "position": [0.9], "velocity": [1, 2]}, "wrong length"),
-    ({"name": [*JOINT_NAMES[:15], "x"], "position": TIGHT}, "wrong joints"),
     ({"name": [*JOINT_NAMES, "index_j0"], "position": [*TIGHT, 0.0]}, "wrong joints"),
     ({"name": JOINT_NAMES, "position": [45.0, *TIGHT[1:]]}, "out of range"),
     ({"name": ["closure"], "position": [0.9], "ahead_s": 3.0}, "ahead"),
