@@ -25,80 +25,53 @@ def vest_svg(frame: MotorLevels | None, *, names: Sequence[str] = FINGERS, can_t
     """
     values = [0] * 40 if frame is None else [int(v) for v in frame.intensities]
     half = len(values) // 2
-    n_rows = half // _N_COLUMNS
-    bottom = _TOP + n_rows * _PITCH_Y + 10
+    bottom = _TOP + half // _N_COLUMNS * _PITCH_Y + 10
     off = " · off" if frame is None else ""
-    faces = (
-        (f"front · CCI{off}", values[:half], 0, -1, 0),
-        (f"back · EDA{off}", values[half:], _WIDTH // 2, 1, half),
-    )
     parts = [
         f'<svg viewBox="0 0 {_WIDTH} {bottom + 26}" width="90%" style="display:block;margin:auto"'
         ' role="img" aria-label="vest, seen from outside"'
         ' font-family="system-ui, sans-serif" text-anchor="middle">'
     ]
-    for title, face, left, turn, first in faces:
-        parts.append(_face(title, face, left, bottom, turn, names=names, first=first if can_try else None))
-    return "".join(parts) + _scale(bottom + 8) + "</svg>"
-
-
-def _face(
-    title: str,
-    values: list[int],
-    left: int,
-    bottom: int,
-    turn: int,
-    *,
-    names: Sequence[str],
-    first: int | None,
-) -> str:
-    """Draw a face; ``turn`` is 1 where the wearer's left is on the left, -1 where it is on the right.
-
-    ``first`` is the place of its first motor in the frame; ``None`` where a click does nothing.
-    """
-    middle = left + _WIDTH // 4
-    sides = ("L", "R") if turn == 1 else ("R", "L")
-    parts = [
-        _torso(middle, bottom),
-        f'<text x="{middle}" y="11" font-size="11" font-weight="600" fill="#343a40">{title}</text>',
-        *(
-            f'<text x="{middle + x}" y="{bottom - 6}" font-size="10" font-weight="700" fill="#868e96">{side}</text>'
-            for x, side in zip((-76, 76), sides, strict=True)
-        ),
-    ]
-    columns = [left + _LEFT + place * _PITCH_X for place in range(_N_COLUMNS)][::turn]
-    colours = list(FINGER_COLOURS.values())
-    for x, name, colour in zip(columns, names, colours, strict=True):
-        parts.append(
+    # The wearer's left is on the right in front, and on the left of the back.
+    for title, left, turn, first in (("front · CCI", 0, -1, 0), ("back · EDA", _WIDTH // 2, 1, half)):
+        middle = left + _WIDTH // 4
+        torso = (
+            f"M{middle - 14} 17 q0 8 -18 11 q-30 5 -38 16 q-8 12 -6 40 L{middle - 66} {bottom} "
+            f"L{middle + 66} {bottom} L{middle + 76} 84 q2 -28 -6 -40 q-8 -11 -38 -16 q-18 -3 -18 -11 Z"
+        )
+        parts += [
+            f'<path d="{torso}" fill="#f8f9fa" stroke="#ced4da"/>',
+            f'<text x="{middle}" y="11" font-size="11" font-weight="600" fill="#343a40">{title}{off}</text>',
+            *(
+                f'<text x="{middle + x}" y="{bottom - 6}" font-size="10" font-weight="700" fill="#868e96">{side}</text>'
+                for x, side in zip((-76, 76), "LR"[::turn], strict=True)
+            ),
+        ]
+        columns = [left + _LEFT + place * _PITCH_X for place in range(_N_COLUMNS)][::turn]
+        colours = list(FINGER_COLOURS.values())
+        parts += [
             f'<text x="{x}" y="{_TOP - 5}" font-size="8.5" font-weight="600" fill="{colour}">{name}</text>'
-        )
-    for index, value in enumerate(values):
-        row, column = divmod(index, _N_COLUMNS)
-        x, y = columns[column], _TOP + 11 + row * _PITCH_Y
-        ink = "#ffffff" if value >= 55 else "#495057"
-        parts.append(
-            f'<circle cx="{x}" cy="{y}" r="{10:g}" fill="{_heat(value)}" stroke="{colours[column]}"'
-            f' stroke-width="0.8"{"" if first is None else _click(first + index)}/>'
-        )
-        if value:
+            for x, name, colour in zip(columns, names, colours, strict=True)
+        ]
+        for index, value in enumerate(values[first : first + half]):
+            row, column = divmod(index, _N_COLUMNS)
+            x, y = columns[column], _TOP + 11 + row * _PITCH_Y
             parts.append(
-                f'<text x="{x}" y="{y + 3}" font-size="8.5" fill="{ink}" pointer-events="none">{value}</text>'
+                f'<circle cx="{x}" cy="{y}" r="10" fill="{_heat(value)}" stroke="{colours[column]}"'
+                f' stroke-width="0.8"{_click(first + index) if can_try else ""}/>'
             )
-    return "".join(parts)
+            if value:
+                ink = "#ffffff" if value >= 55 else "#495057"
+                parts.append(
+                    f'<text x="{x}" y="{y + 3}" font-size="8.5" fill="{ink}" pointer-events="none">{value}</text>'
+                )
+    return "".join(parts) + _scale(bottom + 8) + "</svg>"
 
 
 def _click(motor: int) -> str:
     message = f"document.querySelectorAll('.{TRIED}').forEach(e => e.textContent = t)"
     ask = f"fetch('try/{motor}').then(r => r.text()).then(t => {message})"
     return f' style="cursor:pointer" role="button" aria-label="try motor {motor}" onclick="{ask}"'
-
-
-def _torso(middle: int, bottom: int) -> str:
-    half = (
-        f"M{middle - 14} 17 q0 8 -18 11 q-30 5 -38 16 q-8 12 -6 40 L{middle - 66} {bottom} "
-        f"L{middle + 66} {bottom} L{middle + 76} 84 q2 -28 -6 -40 q-8 -11 -38 -16 q-18 -3 -18 -11 Z"
-    )
-    return f'<path d="{half}" fill="#f8f9fa" stroke="#ced4da"/>'
 
 
 def _scale(y: int) -> str:
