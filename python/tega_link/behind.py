@@ -92,22 +92,23 @@ class PictureSender:
     """
 
     def __init__(
-        self, link: Link, session: int, *, rate_hz: float, quality: int, wanted: Callable[[], bool]
+        self,
+        link: Link,
+        session: int,
+        fingers: Iterable[str],
+        *,
+        rate_hz: float,
+        quality: int,
+        wanted: Callable[[], bool],
     ) -> None:
-        self._link, self._session = link, session
+        self._session = session
         self._period_s, self._quality, self._wanted = 1 / rate_hz, quality, wanted
         self._newest: dict[str, Picture] = {}
-        self._sends: dict[str, Callable[[bytes], None]] = {}
+        self._sends = {name: link.sends(f"tactile/image/{name}", Channel.IMAGE) for name in fingers}
         self._start_ns = 0
         self._leaving = threading.Event()
         self._thread: threading.Thread | None = None
-        self.sent: dict[str, int] = {}
-
-    def open(self, fingers: Iterable[str]) -> None:
-        """Get ready to send pictures of these fingertips."""
-        for name in fingers:
-            self._sends[name] = self._link.sends(f"tactile/image/{name}", Channel.IMAGE)
-            self.sent[name] = 0
+        self.sent = dict.fromkeys(self._sends, 0)
 
     def observe(self, picture: Picture) -> None:
         """Note a fingertip's newest picture."""

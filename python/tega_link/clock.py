@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterable
 from typing import Final, Literal, NamedTuple, TypeVar
 
@@ -175,7 +175,7 @@ class StampGate:
         self._ttl_ns = ttl_ns
         self._session: int | None = None
         self._newest = -1
-        self.counts: dict[str, int] = {}
+        self.counts = Counter[str]()
         self.last: Refusal | Literal[""] = ""
 
     @property
@@ -186,7 +186,7 @@ class StampGate:
 
     def begin(self, session: int | None) -> None:
         """Listen to a session from its beginning; to none with ``None``."""
-        self._session, self._newest, self.counts, self.last = session, -1, {}, ""
+        self._session, self._newest, self.counts, self.last = session, -1, Counter[str](), ""
 
     def read(self, kind: type[_Message], data: bytes) -> _Message | None:
         """Return a message; ``None`` for one that cannot be read or used, which is counted."""
@@ -220,20 +220,16 @@ class StampGate:
             return self._count("old")
         if now_ns - clock.ours(stamp.sent_ns) < -(_AHEAD_NS + clock.round_trip_ns // 2):
             return self._count("ahead")
-        self.counts[""] = self.counts.get("", 0) + 1
+        self.counts[""] += 1
         self.last = ""
         return ""
 
     def _count(self, why: Refusal) -> Refusal:
-        self.counts[why] = self.counts.get(why, 0) + 1
+        self.counts[why] += 1
         self.last = why
         return why
 
 
 def refused_by(gates: Iterable[StampGate]) -> dict[str, int]:
     """Return how many messages several gates have refused together, by why."""
-    refused: dict[str, int] = {}
-    for gate in gates:
-        for why, n in gate.refused.items():
-            refused[why] = refused.get(why, 0) + n
-    return refused
+    return dict(sum((Counter(gate.refused) for gate in gates), Counter[str]()))

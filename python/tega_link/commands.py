@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable
 from typing import Literal, TypeVar
 
@@ -28,7 +29,8 @@ class Commands:
 
     ``offset`` returns how far apart the clocks are at a time. ``tracker`` is where poses go; ``None`` without
     an arm. ``route`` is how long commands took, by the clock's estimate; ``n`` counts commands for the hand
-    that were taken in, ``rate_hz`` is their recent rate.
+    that were taken in, ``rate_hz`` is their recent rate; ``refused_in_all`` counts those of sessions that are over that
+    were not obeyed, by why.
     """
 
     def __init__(
@@ -43,7 +45,7 @@ class Commands:
         self._ttl_ns, self._offset, self._clock = ttl_ns, offset, clock
         self._has_hand, self._tracker = hand, tracker
         self._gates = {"hand": StampGate(ttl_ns=ttl_ns), "arm": StampGate(ttl_ns=ttl_ns)}
-        self._refused_before: dict[str, int] = {}
+        self.refused_in_all = Counter[str]()
         self._start_ns: int | None = None
         self._stamp: Callable[[int, int], None] = lambda _t_ns, _received_ns: None
         self._hand_ns = self._arm_ns = 0
@@ -180,14 +182,8 @@ class Commands:
         """Commands of this session that were not obeyed, by why."""
         return refused_by(self._gates.values())
 
-    @property
-    def refused_in_all(self) -> dict[str, int]:
-        """Commands of all sessions that are over that were not obeyed, by why."""
-        return dict(self._refused_before)
-
     def keep_counts(self) -> None:
         """Take over the counts of a session that is over, and listen to none."""
-        for why, n in self.refused.items():
-            self._refused_before[why] = self._refused_before.get(why, 0) + n
+        self.refused_in_all.update(self.refused)
         for gate in self._gates.values():
             gate.begin(None)

@@ -111,11 +111,11 @@ class RobotStation(Station):
             self._pictures = PictureSender(
                 self._link,
                 self._session,
+                prepared.fingers,
                 rate_hz=self.net.images_hz,
                 quality=self.net.jpeg_quality,
                 wanted=lambda: self._reception.session != 0,
             )
-            self._pictures.open(prepared.fingers)
             self._bus.subscribe(Picture, self._pictures.observe, name="link")
         if self._has_hand:
             prepared = prepared._replace(muscles=far_muscles(self._muscles, self._commands.blocks))
@@ -210,7 +210,7 @@ class RobotStation(Station):
             "way_ms": commands.route.summary_ms() if commands.route.n else None,
             "leaders": self._n_leaders,
             "commands": commands.n,
-            "refused_commands": commands.refused_in_all,
+            "refused_commands": dict(commands.refused_in_all),
             "features": {f: self._numbers.get(f, -1) + 1 for f in self._features},
             "images": {} if self._pictures is None else self._pictures.sent,
         }

@@ -45,7 +45,12 @@ class RerunStream:
         """Connect, send the layout and subscribe to the run; ``DeviceUnavailableError`` without a viewer."""
         self._rerun = require("rerun", driver="rerun", extra="rerun")
         if self._file is None:
-            self._poll_viewer()
+            try:
+                socket.create_connection(("127.0.0.1", self._port), timeout=1.0).close()
+            except OSError as error:
+                raise DeviceUnavailableError(
+                    f"rerun: no viewer listens at 127.0.0.1:{self._port}", "start it first: rerun"
+                ) from error
         # Now, so that the packages behind them are not loaded while the loop runs: that takes a second.
         self._rerun.Image(np.zeros((2, 2, 3), np.uint8)).compress(jpeg_quality=_JPEG_QUALITY)
         self._rerun.BarChart([0])
@@ -73,14 +78,6 @@ class RerunStream:
                 pass
             finally:
                 stream.disconnect()
-
-    def _poll_viewer(self) -> None:
-        try:
-            socket.create_connection(("127.0.0.1", self._port), timeout=1.0).close()
-        except OSError as error:
-            raise DeviceUnavailableError(
-                f"rerun: no viewer listens at 127.0.0.1:{self._port}", "start it first: rerun"
-            ) from error
 
     def _name(self, finger: str) -> None:
         """Name a finger's lines, and give it a place in the layout."""

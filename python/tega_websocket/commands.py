@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from functools import partial
 from typing import Any, Final
@@ -53,7 +54,7 @@ class Commands:
         self._source = FarMuscles(name, label, f"levels are asked for by {label}")
         self.tracker = None if arm is None else FarTracker(arm, name, label)
         self.n = 0
-        self.refused: dict[str, int] = {}
+        self.refused = Counter[str]()
         self._forget()
 
     def _forget(self) -> None:
@@ -132,7 +133,7 @@ class Commands:
                 age_ns = self._accept(client, stream, command)
             except MessageError as error:
                 why = str(error).partition(":")[0]
-                self.refused[why] = self.refused.get(why, 0) + 1
+                self.refused[why] += 1
                 raise
             self._last_ns[stream], self._newest_ns[stream] = self._clock() - age_ns, command.t_ns
             self.n += 1
