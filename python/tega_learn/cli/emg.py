@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.emg_logs import kind_option, reading_options
+from tega.ui.cli.emg import kind_option, reading_options
 from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_option
 from tega_learn.logs import emg_beside, force_log, read_log, read_tracked, target_option
 

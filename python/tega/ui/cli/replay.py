@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.emg_logs import column_options, kind_option
+from tega.ui.cli.emg import column_options, kind_option
 from tega.ui.cli.options import PATH, json_option, picture_option, progress_bar, sets_option
 from tega.ui.cli.page import run_viewed, view_options
 
