@@ -1,9 +1,11 @@
-"""The verbs of ``tega-teleop``: their list, their examples, their earlier names, and one ``--debug``."""
+"""Verbs of ``tega-teleop``, with examples and earlier names, and the public interface, are those written down."""
 
 from __future__ import annotations
 
+import difflib
 import shlex
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 import pytest
@@ -13,6 +15,9 @@ pytest.importorskip("tega_campaigns")
 
 from reference.command import call
 from tega.ui.cli.main import _EARLIER, cli, main
+from tega_figures.public import public_text
+
+SNAPSHOT = Path(__file__).resolve().parents[2] / "docs" / "public.txt"
 
 
 def verbs(command: click.Command = cli, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
@@ -88,3 +93,16 @@ def test_an_argument_that_belongs_to_another_verb_now_is_passed_on(
 
 def test_debug_is_one_option_of_all_verbs() -> None:
     assert [name for name, verb in VERBS.items() if any("--debug" in p.opts for p in verb.params)] == [""]
+
+
+@pytest.mark.words
+@pytest.mark.skipif(not SNAPSHOT.is_file(), reason="not a checkout")
+def test_the_public_interface_is_the_one_that_is_written_down() -> None:
+    before, now = SNAPSHOT.read_text(encoding="utf-8"), public_text()
+    changed = "\n".join(
+        difflib.unified_diff(before.splitlines(), now.splitlines(), "written", "now", n=0, lineterm="")
+    )
+    assert not changed, (
+        f"{changed}\nif that is meant: python tools/figures/tega_figures/public.py docs/public.txt, and a line of "
+        "migration in changes/"
+    )
