@@ -6,20 +6,16 @@ import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+import viser
+from numpy.typing import NDArray
 
 from tega.emg import ButterworthLowpass
 from tega.loop.inbox.histogram import LEAST_SAMPLES
 from tega.ui.view.figures import CCI_BLUE, EDA_GREEN, MUSCLE_COLOURS, POSE_RED
-
-if TYPE_CHECKING:
-    import viser
-    from numpy.typing import NDArray
-
-    from tega.ui.view.state import EmgTail, ViewState
-
+from tega.ui.view.state import EmgTail, ViewState
 
 BUDGET_MS: Final = 88.0
 """Budget from picture to vest, ms: 17 of a picture, 33 of the camera, 5 of our own, 33 of the vest."""

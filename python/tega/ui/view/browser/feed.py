@@ -10,23 +10,20 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega import records
+from tega.loop.inbox.inputs import Muscles, Prepared
 from tega.loop.parts import Part
 from tega.records import Adaptation, BesideIntent, Button, EmgSamples, Intent, MuscleCondition, Picture
+from tega.records.bus import Bus
 from tega.records.display import DisplayPicture, DisplayRows
 from tega.stages.base import MeasuredPicture
 from tega.ui.view.browser.hand_figure import STANDING, HandFigure
 from tega.ui.view.state import EmgTail, TouchImage, ViewState
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega.loop.inbox.inputs import Muscles, Prepared
-    from tega.records.bus import Bus
 
 # Seconds of muscle signal kept for the page.
 _KEPT_S = 5.0

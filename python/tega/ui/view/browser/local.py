@@ -14,16 +14,14 @@ import secrets
 import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from html import escape
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import viser
 import websockets.asyncio.server
 import websockets.exceptions
 
+from tega.loop.controls import MotorAnswer
 from tega.ui.view.same_machine import foreign
-
-if TYPE_CHECKING:
-    from tega.loop.controls import MotorAnswer
 
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.

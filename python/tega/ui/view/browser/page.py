@@ -5,11 +5,15 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import viser
 
 from tega.errors import InvalidValueError
 from tega.haptics import FINGERS
+from tega.loop.snapshot import LoopView
 from tega.ui.view.browser.charts import CourseChart, Delays, MuscleCharts
+from tega.ui.view.browser.controls import Controls
 from tega.ui.view.browser.pictures import CameraPictures, TouchSheet, cameras_html, picture_html
 from tega.ui.view.browser.scene import Point, Scene
 from tega.ui.view.browser.state_html import (
@@ -30,13 +34,7 @@ from tega.ui.view.browser.state_html import (
 from tega.ui.view.browser.timeline import KEPT_S, SeekSlider, Timeline, add_annotation_keys
 from tega.ui.view.browser.vest import TRIED, vest_svg
 from tega.ui.view.run_state import ContactLabels
-
-if TYPE_CHECKING:
-    import viser
-
-    from tega.loop.snapshot import LoopView
-    from tega.ui.view.browser.controls import Controls
-    from tega.ui.view.state import ViewState
+from tega.ui.view.state import ViewState
 
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _SHEET = "cameras and touch maps"

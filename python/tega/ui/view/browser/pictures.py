@@ -6,20 +6,17 @@ import base64
 import math
 from collections.abc import Mapping, Sequence
 from html import escape
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import Any, Final, TypeAlias
 
 import numpy as np
+import viser
 from numpy.typing import NDArray
 
 from tega.haptics import FINGERS
 from tega.ui.view.browser.state_html import FONT, TILES
+from tega.ui.view.state import TouchImage
 
-if TYPE_CHECKING:
-    import viser
-
-    from tega.ui.view.state import TouchImage
-
-    Pixels: TypeAlias = slice | NDArray[np.intp]
+Pixels: TypeAlias = slice | NDArray[np.intp]
 
 # Of one finger's tile, px: half of a DIGIT's QVGA picture, a little more than the page shows.
 TILE_HEIGHT, TILE_WIDTH, GAP = 160, 120, 6

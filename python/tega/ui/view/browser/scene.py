@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, TypeAlias, get_args
+from typing import Any, Final, Literal, NamedTuple, TypeAlias, get_args
 
 import numpy as np
+import viser
+from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, ShapeError
 from tega.ui.view.browser.hand_figure import HandFigure
-from tega.ui.view.state import ShapeKind
-
-if TYPE_CHECKING:
-    import viser
-    from numpy.typing import NDArray
-
-    from tega.ui.view.state import Shape
+from tega.ui.view.figures import GHOST_COLOUR
+from tega.ui.view.state import Shape, ShapeKind
 
 
 class LookPart(NamedTuple):
@@ -166,9 +163,6 @@ def _unit_mesh(name: str) -> tuple[NDArray[np.float32], NDArray[np.uint32]]:
         mesh = creation.cylinder(radius=1.0, height=2.0, sections=40)
     return np.asarray(mesh.vertices, np.float32), np.asarray(mesh.faces, np.uint32)
 
-
-GHOST_COLOUR: Final = "#1f5fbf"
-"""Colour of the hand as commanded."""
 
 _OPACITY = 0.35
 # Wider than the hand as measured by this much, so that two surfaces in one place do not flicker.

@@ -4,18 +4,22 @@ from __future__ import annotations
 
 from html import escape
 from itertools import zip_longest
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
+from tega.loop.snapshot import LoopView
 from tega.loop.touch import STALE_NS
 from tega.runtime.words import number_text
-from tega.ui.view.browser.scene import GHOST_COLOUR
-from tega.ui.view.run_state import NO_NEWS, NO_NEWS_S, SILENT_NS, device_rows, lines_beside, meaning
-
-if TYPE_CHECKING:
-    from tega.loop.snapshot import LoopView
-    from tega.ui.view.run_state import ContactLabels
-    from tega.ui.view.state import ViewState
-
+from tega.ui.view.figures import GHOST_COLOUR
+from tega.ui.view.run_state import (
+    NO_NEWS,
+    NO_NEWS_S,
+    SILENT_NS,
+    ContactLabels,
+    device_rows,
+    lines_beside,
+    meaning,
+)
+from tega.ui.view.state import ViewState
 
 NARROW_PX: Final = 1199
 """Up to this width of the window the panels stand below the scene: beside it they would leave it a strip."""
