@@ -204,10 +204,7 @@ class StampGate:
         return self._count("foreign")
 
     def refusal(self, stamp: Stamped, now_ns: int, clock: Offset | None) -> Refusal | Literal[""]:
-        """Return why a message is not used, ``""`` if it is.
-
-        ``clock`` is how far apart the clocks are; ``None`` where that is not known.
-        """
+        """Return why a message is not used, ``""`` if it is."""
         if stamp.session != self._session:
             return self._count("foreign")
         if stamp.sequence <= self._newest:

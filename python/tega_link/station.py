@@ -22,10 +22,7 @@ _LEAVE_S = 2.0
 
 
 class Station(Part, Opened):
-    """One end of the link in a session: it puts the other station's devices in place.
-
-    ``session`` returns the number that its messages have.
-    """
+    """One end of the link in a session: it puts the other station's devices in place."""
 
     endless = brings_input = True
     tick_s = 0.05

@@ -30,9 +30,6 @@ class Ros2Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
 
 
 def check_table(table: Ros2Table, context: TableContext) -> Ros2Table:
-    """Check the table against the other settings.
-
-    Two inputs that claim hand or arm, no arm, or a session not in real time raise :class:`ConfigError`.
-    """
+    """Check the table against the other settings."""
     check_claims("ros2", context.config, hand=bool(table.hand), arm=bool(table.arm))
     return table

@@ -65,10 +65,7 @@ def page_address() -> dict[str, Any]:
 
 
 def open_page(url: str) -> None:
-    """Print a page's address on stderr, and open it in the browser of a desktop.
-
-    Over SSH the command that forwards the page's port is printed as well.
-    """
+    """Print a page's address on stderr, and open it in the browser of a desktop."""
     # Not click.echo: it would write past the progress bar, which then shares the line with the address.
     print("\n".join(address_lines(url, os.environ)), file=sys.stderr)
     has_desktop = sys.platform in {"win32", "darwin"} or {"DISPLAY", "WAYLAND_DISPLAY"} & set(os.environ)

@@ -182,10 +182,7 @@ class Findings:
                 self._note = f"no picture: {error}"
 
     def notify(self, title: str, *, pose_base: int, words: bool) -> None:
-        """Draw the picture and print the words; the most open level is number ``pose_base``, 0 or 1.
-
-        A failed drawing is reported on stderr, without ``words`` as well.
-        """
+        """Draw the picture and print the words; the most open level is number ``pose_base``, 0 or 1."""
         if words:
             for sentence in self._course.words(pose_base=pose_base):
                 click.echo(f"  {sentence}")

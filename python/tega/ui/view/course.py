@@ -137,10 +137,7 @@ class SessionPicture:
             self._felt[contact.finger] = contact.mass, contact.cci_norm, contact.eda_norm
 
     def write(self, path: Path, title: str, *, pose_base: int = 1) -> None:
-        """Draw the run into a PNG file; a finger that never touched has no picture in it.
-
-        The most open level is drawn as number ``pose_base``, 0 or 1.
-        """
+        """Draw the run into a PNG file; a finger that never touched has no picture in it."""
         pictures = {
             finger: TouchPicture(image, *self._felt.get(finger, (0.0, 0.0, 0.0))[1:])
             for finger, image in self._firmest.images.items()

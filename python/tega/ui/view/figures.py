@@ -129,10 +129,7 @@ def draw_map(ax: Axes, shape: tuple[int, ...], contact: Contact, touch_map: Touc
 
 
 def draw_course(ax: Axes, course: SessionCourse) -> None:
-    """Draw CCI (blue) and EDA (green) on the left axis, the level (red, dashed) on the right one.
-
-    The legend, above the plot, also names earlier artists on ``ax``.
-    """
+    """Draw CCI (blue) and EDA (green) on the left axis, the level (red, dashed) on the right one."""
     ax.plot(course.touch_t_s, course.cci_norm, color=CCI_BLUE, lw=1.2, label="CCI")
     ax.plot(course.touch_t_s, course.eda_norm, color=EDA_GREEN, lw=1.2, label="EDA")
     ax.set_xlabel("time (s)")

@@ -153,10 +153,7 @@ class SessionFeed(Part):
 
 
 class _Pictures:
-    """The pictures of a finger: put in by the thread that measures, shown by the one that paints.
-
-    ``measured`` is whether they are measured in this run.
-    """
+    """The pictures of a finger: put in by the thread that measures, shown by the one that paints."""
 
     def __init__(self, *, live: bool, measured: bool) -> None:
         self.measured = measured

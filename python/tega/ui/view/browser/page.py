@@ -204,10 +204,7 @@ class Page:
         self._phone.content = f'<div class="tega-phone">{captions}{self._pictures.content}{vest}</div>'
 
     def paint_past(self) -> bool:
-        """Show the moment that is looked back at, in pictures, scene and charts; return whether there is one.
-
-        The run's state stays that of now.
-        """
+        """Show the moment that is looked back at, in pictures, scene and charts; return whether there is one."""
         past = self.timeline.displayed()
         if past is None:
             if self._looking.content:

@@ -121,10 +121,7 @@ def _circle(
 
 
 def picture_html(picture: NDArray[np.uint8], alt: str) -> str:
-    """Return a picture, uint8 (H, W, 3), RGB, as an image element as wide as where it stands.
-
-    ``alt`` is for screen readers; HTML.
-    """
+    """Return a picture, uint8 (H, W, 3), RGB, as an image element as wide as where it stands."""
     import imageio.v3
 
     jpeg: bytes = imageio.v3.imwrite("<bytes>", picture, extension=".jpg", quality=75)
@@ -156,10 +153,7 @@ class CameraPictures:
 
 
 def cameras_html(pictures: Mapping[str, NDArray[np.uint8]]) -> str | None:
-    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any.
-
-    The order is that of the names, not that in which the cameras appeared.
-    """
+    """Return pictures by their cameras' names, uint8 (H, W, 3) in BGR, as HTML; ``None`` without any."""
     parts = []
     for name, picture in sorted(pictures.items()):
         if picture.size:

@@ -113,10 +113,7 @@ class Solids:
 
 
 def _parts(shapes: Sequence[Shape]) -> dict[str, list[_ShapePart]]:
-    """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end.
-
-    A cylinder of the name of one of :data:`~tega.ui.view.browser.scene.LOOKS` is drawn as that.
-    """
+    """Say which unit primitives make up the shapes; a capsule is a tube with a ball at either end."""
     parts: dict[str, list[_ShapePart]] = {"box": [], "ball": [], "tube": []}
     for number, (name, kind, (a, b, c), _) in enumerate(shapes):
         if kind == "cylinder" and name in LOOKS:

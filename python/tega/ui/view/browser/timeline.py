@@ -20,10 +20,7 @@ _DRAGGED_S = 1.5
 
 
 class SeekSlider:
-    """A slider over the whole recording: it follows the playback, and moving it seeks.
-
-    It is hidden until the length of the recording is known.
-    """
+    """A slider over the whole recording: it follows the playback, and moving it seeks."""
 
     def __init__(self, gui: viser.GuiApi, playhead: Playhead) -> None:
         self._playhead = playhead
@@ -61,10 +58,7 @@ _LABELS: Final[dict[Literal["S", "D", "X", "L", "U"], str]] = {
 
 
 def add_annotation_keys(gui: viser.GuiApi, annotate: Callable[[str], str]) -> Any:
-    """Add a key and a button for each behaviour, and a line with the last step; return the buttons' handle.
-
-    ``annotate`` codes an event by its key, and returns the effect in words.
-    """
+    """Add a key and a button for each behaviour, and a line with the last step; return the buttons' handle."""
     buttons = gui.add_button_group("annotate", [f"{key}: {label}" for key, label in _LABELS.items()])
     last = gui.add_markdown("")
 
@@ -123,10 +117,7 @@ class Timeline:
         self.back.on_update(lambda _event: self._check())
 
     def keep(self, state: ViewState, sheet: str | None, cameras: str | None = None) -> None:
-        """Keep a moment; one of an earlier time is of another run, and the first of it.
-
-        ``sheet`` is the fingertips as painted, ``cameras`` the scene cameras, both HTML; ``None`` for none.
-        """
+        """Keep a moment; one of an earlier time is of another run, and the first of it."""
         if self._kept:
             newest = self._kept[-1].state
             if state.t_ns < newest.t_ns:
