@@ -5,8 +5,7 @@ from __future__ import annotations
 import csv
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
@@ -55,11 +54,10 @@ class Operator(Running):
 
     def gets(self, words: str) -> bool:
         """Return whether the arm comes to say so within a while."""
-        for _ in range(300):
-            if self.arm.startswith(words):
-                return True
+        end_s = time.monotonic() + 3.0
+        while not (said := self.arm.startswith(words)) and time.monotonic() < end_s:
             time.sleep(0.01)
-        return False
+        return said
 
     def leads(self, then: Callable[[], object], words: str) -> None:
         """Take hold, do something and see what the arm says; anew if this machine stood still meanwhile."""
@@ -86,19 +84,16 @@ class Operator(Running):
             self.lab.cap.say(f"lift {button}")
 
 
-@contextmanager
-def robot_and_lab(folder: Path) -> Iterator[tuple[Program, EmulatedLab, Callable[[], Operator]]]:
-    port = free_port()
-    settings = folder / "robot.toml"
-    settings.write_text(_ROBOT.format(port=port), encoding="utf-8")
-    with emulated_lab(folder, arm=True) as lab, Program("robot", settings) as robot:
-        robot.await_said("waits for an operator")
-        yield robot, lab, lambda: Operator(lab, folder, port)
+def robot_at(folder: Path, port: int) -> Program:
+    (folder / "robot.toml").write_text(_ROBOT.format(port=port), encoding="utf-8")
+    return Program("robot", folder / "robot.toml")
 
 
 def test_the_arm_follows_over_the_link_and_lets_go_with_its_operator(tmp_path: Path) -> None:
-    with robot_and_lab(tmp_path) as (robot, lab, operators):
-        with operators() as alice:
+    port = free_port()
+    with emulated_lab(tmp_path, arm=True) as lab, robot_at(tmp_path, port) as robot:
+        robot.await_said("waits for an operator")
+        with Operator(lab, tmp_path, port) as alice:
             alice.starts("idle")
             alice.press(_DEAD_MAN)
             alice.starts("idle: the clutch is open")
@@ -107,7 +102,7 @@ def test_the_arm_follows_over_the_link_and_lets_go_with_its_operator(tmp_path: P
             alice.leads(lambda: time.sleep(1.0), "following")
         # The next one begins with the clutch pressed, and has not taken hold.
         robot.await_said("is gone")
-        with operators() as bob:
+        with Operator(lab, tmp_path, port) as bob:
             bob.starts("idle: the clutch is open")
             bob.leads(lambda: None, "following")
         summary = robot.end()
@@ -119,9 +114,7 @@ def test_the_arm_follows_over_the_link_and_lets_go_with_its_operator(tmp_path: P
 
 def test_an_operator_who_falls_silent_leaves_the_arm_held_then_loose_then_stopped(tmp_path: Path) -> None:
     port = free_port()
-    settings = tmp_path / "robot.toml"
-    settings.write_text(_ROBOT.format(port=port), encoding="utf-8")
-    with Program("robot", settings) as robot, Leader(port) as alice:
+    with robot_at(tmp_path, port) as robot, Leader(port) as alice:
         refused = alice.join()
         assert isinstance(refused, Refused)
         assert "no dead-man switch" in refused.why

@@ -84,14 +84,6 @@ def test_the_run_s_state_stands_first_with_the_reason_of_a_hold(moments):
     assert "Ctrl-C" in view.page.run_state.content
 
 
-@pytest.mark.parametrize("left_out", ["images", "scene", "emg"])
-def test_paints_what_there_is(moments, left_out):
-    with BrowserView(port=0) as view:
-        view.offer(moments.at(1.0, **{left_out: False}))
-        until(lambda: "1.0 s" in view.page.status.content)
-    assert view.n_painted == 1
-
-
 def test_a_moment_that_cannot_be_painted_is_told_and_the_next_one_is_painted(moments):
     state = moments.at(1.0)
     guarded = state._replace(loop=state.loop._replace(state="hold", reason="emg: silent"))
