@@ -47,27 +47,24 @@ class Ros2Bag:
         self._factory: Any = require("mcap_ros2.decoder", driver="ros2", extra="ros2").DecoderFactory
         self._path = path
         self._files = _files(path)
-        kinds: dict[str, str] = {}
-        counts: dict[str, int] = {}
+        topics: dict[str, tuple[str, int, str]] = {}
         begins: list[int] = []
-        fields: dict[str, str] = {}
         for file in self._files:
             for name, kind, n, definition in self._summary(file, begins):
-                kinds[name], fields[name] = kind, definition
-                counts[name] = counts.get(name, 0) + n
-        fits = [name for name, kind in kinds.items() if (kind in {IMAGE, COMPRESSED}) == pictures]
+                topics[name] = kind, n + topics.get(name, ("", 0, ""))[1], definition
+        fits = [name for name, (kind, _, _) in topics.items() if (kind in {IMAGE, COMPRESSED}) == pictures]
         if not pictures:
-            fits = [name for name in fits if any(one in fields[name] for one in _ARRAY_TYPES)]
+            fits = [name for name in fits if any(one in topics[name][2] for one in _ARRAY_TYPES)]
         self.topic = topic or (fits[0] if len(fits) == 1 else "")
-        if self.topic not in kinds or self.topic not in fits:
-            listed = ", ".join(f"{name} {kind} ({counts[name]})" for name, kind in sorted(kinds.items()))
+        if self.topic not in fits:
+            listed = ", ".join(f"{name} {kind} ({n})" for name, (kind, n, _) in sorted(topics.items()))
             subject = "pictures" if pictures else "arrays of numbers"
             which = f"topic {topic!r} is none with" if topic else f"{len(fits)} topics have"
             raise RecordingError(
                 f"{path.name}: {which} {subject}; its topics: {listed or 'none'}"[:2000],
                 "name one with --topic",
             )
-        self.kind, self.n_messages = kinds[self.topic], counts[self.topic]
+        self.kind, self.n_messages, _ = topics[self.topic]
         self.begin_ns = min(begins, default=0)
 
     def messages(self) -> Iterator[tuple[int, Any]]:

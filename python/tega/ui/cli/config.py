@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from tega.ui.cli.options import PATH, echo_json, json_option, sets_option, value
 if TYPE_CHECKING:
     from tega.config import SettingValue
 
+_plain = partial(msgspec.to_builtins, enc_hook=str)
 # A longer value moves its origin to the right.
 _VALUE_WIDTH = 48
 
@@ -94,14 +96,6 @@ def changed_values(values: dict[str, SettingValue]) -> dict[str, SettingValue]:
         for key, value in values.items()
         if (value.value != default[key].value if key in default else value.origin != "default")
     }
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(value, msgspec.Struct):
-        return msgspec.to_builtins(value, enc_hook=str)
-    return [_plain(v) for v in value] if isinstance(value, tuple) else value
 
 
 def _text(value: Any) -> str:
