@@ -98,6 +98,10 @@ def stamp(t_ns: int) -> dict[str, int]:
     return {"sec": t_ns // _S, "nanosec": t_ns % _S}
 
 
+def axes(value: Any, names: str) -> dict[str, float]:
+    return {axis: getattr(value, axis) for axis in names}
+
+
 def expected(message: Message, epoch_ns: int) -> Any:
     """Return what a message is to be in the bag."""
     value, finger = message.value, message.topic.split("/")[2] if message.topic.startswith("/tactile") else ""
@@ -106,43 +110,32 @@ def expected(message: Message, epoch_ns: int) -> Any:
         t_ns = message.log_ns if logged else epoch_ns + value.t_ns
         return of_protobuf(value, {"stamp": stamp(t_ns), "frame_id": finger})
     at = stamp(value.timestamp.seconds * _S + value.timestamp.nanos)
+    frame = getattr(value, "frame_id", "") or getattr(value, "parent_frame_id", "")
+    header: dict[str, Any] = {"header": {"stamp": at, "frame_id": frame}}
     match message.schema:
         case "foxglove.RawImage":
             image = read_picture(message)
-            head = {"stamp": at, "frame_id": value.frame_id}
             size = {"height": image.shape[0], "width": image.shape[1], "step": 3 * image.shape[1]}
-            kind = {"encoding": "bgr8", "is_bigendian": 0}
-            return {"header": head, **size, **kind, "data": image.tobytes()}
+            fields: dict[str, Any] = size | {"encoding": "bgr8", "is_bigendian": 0, "data": image.tobytes()}
         case "foxglove.JointStates":
             angles = [joint.position for joint in value.joints]
-            head = {"stamp": at, "frame_id": ""}
-            names = {"name": list(JOINT_NAMES), "position": angles}
-            return {"header": head, **names, "velocity": [], "effort": []}
+            fields = {"name": list(JOINT_NAMES), "position": angles, "velocity": [], "effort": []}
         case "foxglove.PoseInFrame":
-            pose = {
-                "position": axes(value.pose.position, "xyz"),
-                "orientation": axes(value.pose.orientation, "xyzw"),
-            }
-            return {"header": {"stamp": at, "frame_id": value.frame_id}, "pose": pose}
+            place, turn = axes(value.pose.position, "xyz"), axes(value.pose.orientation, "xyzw")
+            fields = {"pose": {"position": place, "orientation": turn}}
         case "foxglove.FrameTransform":
             transform = {"translation": dict.fromkeys("xyz", 0.0), "rotation": axes(value.rotation, "xyzw")}
-            head = {"stamp": at, "frame_id": value.parent_frame_id}
-            return {"header": head, "child_frame_id": value.child_frame_id, "transform": transform}
+            fields = {"child_frame_id": value.child_frame_id, "transform": transform}
+        case "foxglove.Log":
+            texts = {"name": value.name, "msg": value.message, "file": value.file, "function": ""}
+            header, fields = {}, {"stamp": at, "level": 10 * value.level, **texts, "line": value.line}
         case _:
-            return expected_text(message.schema, value, at)
-
-
-def axes(value: Any, names: str) -> dict[str, float]:
-    return {axis: getattr(value, axis) for axis in names}
-
-
-def expected_text(schema: str, value: Any, at: dict[str, int]) -> Any:
-    """Return the same of a line of the log, or of a packet of video."""
-    if schema == "foxglove.Log":
-        texts = {"name": value.name, "msg": value.message, "file": value.file, "function": ""}
-        return {"stamp": at, "level": 10 * value.level, **texts, "line": value.line}
-    assert schema == "foxglove.CompressedVideo"
-    return {"timestamp": at, "frame_id": value.frame_id, "data": value.data, "format": value.format}
+            assert message.schema == "foxglove.CompressedVideo"
+            header, fields = (
+                {},
+                {"timestamp": at, "frame_id": frame, "data": value.data, "format": value.format},
+            )
+    return header | fields
 
 
 def same(one: Any, other: Any) -> bool:
