@@ -145,14 +145,6 @@ def test_buttons_reach_the_program(seen):
     assert controls.paused
 
 
-def within(inner: dict[str, float], outer: dict[str, float]) -> bool:
-    """Whether a box lies in another; a pixel is what rounding takes."""
-    return all(
-        inner[edge] >= outer[edge] - 1 and inner[edge] + inner[length] <= outer[edge] + outer[length] + 1
-        for edge, length in (("x", "width"), ("y", "height"))
-    )
-
-
 def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
     with (
         BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,
