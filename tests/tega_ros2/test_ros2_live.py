@@ -215,6 +215,7 @@ def test_a_peer_closes_the_hand_and_a_silent_or_departed_one_lets_it_hold(peer: 
 BAD = [
     ({"name": ["closure"], "position": [math.nan]}, "not finite"),
     ({"name": ["closure"], "position": [80.0]}, "out of range"),
+    ({"name": ["closure"], "position": []}, "wrong length"),
     ({"name": ["closure"], "position": [0.9], "velocity": [1, 2]}, "wrong length"),
     ({"name": [*JOINT_NAMES, "index_j0"], "position": [*TIGHT, 0.0]}, "wrong joints"),
     ({"name": JOINT_NAMES, "position": [45.0, *TIGHT[1:]]}, "out of range"),
