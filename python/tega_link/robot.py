@@ -13,8 +13,6 @@ from contextlib import ExitStack
 from functools import partial
 from typing import Any
 
-import msgspec
-
 import tega
 from tega.config import SessionConfig
 from tega.devices.base import Tracker
@@ -161,8 +159,8 @@ class RobotStation(Station):
             )
         if pictures is not None:
             pictures.start(start_ns)
-        traced = trace is not None and prepared.muscles is not None
-        self._commands.start(start_ns, trace.source("emg") if trace is not None and traced else None)
+        stamp = trace.source("emg") if trace is not None and prepared.muscles is not None else None
+        self._commands.start(start_ns, stamp)
         self._start_ns = start_ns
 
     def missing(self) -> str:
@@ -254,21 +252,15 @@ class RobotStation(Station):
             self._send_state_now(session)
 
     def _send_state_now(self, session: int) -> None:
-        view = self._view
+        facts: dict[str, Any] = self._stamp("state")
+        if (view := self._view) is not None:
+            facts |= {"state": view.state, "reason": view.reason, "alerts": tuple(view.alerts)}
+            facts |= {"arm": view.arm, "angles_rad": tuple(view.angles_rad or ())}
         report = State(
-            **self._stamp("state"),
+            **facts,
             leader=session,
             leader_name=self._reception.name,
             refused=self._commands.refused,
             problem=self.missing() if session else "",
         )
-        if view is not None:
-            report = msgspec.structs.replace(
-                report,
-                state=view.state,
-                reason=view.reason,
-                alerts=tuple(view.alerts),
-                arm=view.arm,
-                angles_rad=tuple(view.angles_rad or ()),
-            )
         self._send_state(encode(report))

@@ -75,9 +75,8 @@ class FarTouch:
             source: Any = FarFinger(name, self._robot, rate_hz=rate_hz)
             stream: LiveStream[Contact] = LiveStream()
             stream.on_loss = report.drop
-            baseline = unpacked(welcome.baselines[name]) if name in welcome.baselines else None
-            if baseline is None:
-                baseline = np.zeros((0, 0, 3), np.uint8)
+            found = unpacked(welcome.baselines.get(name, b""))
+            baseline = np.zeros((0, 0, 3), np.uint8) if found is None else found
             self._fingers[name] = _RobotFinger(source, stream, report)
             fingers[name] = Finger(source, baseline, f"at robot {self._robot!r}", report, None, stream)
         return fingers
