@@ -41,9 +41,7 @@ def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> No
         raise KeyboardInterrupt
 
 
-def _print_link(out: Console, net: dict[str, Any] | None) -> None:
-    if net is None:
-        return
+def _print_link(out: Console, net: dict[str, Any]) -> None:
     operator = net["station"] == "operator"
     n_led = "" if operator else f"{net['leaders']} operator{'' if net['leaders'] == 1 else 's in turn'}"
     words = [f"led robot {net['robot']!r}" if operator else f"led by {n_led}"]
@@ -60,9 +58,7 @@ def _print_link(out: Console, net: dict[str, Any] | None) -> None:
     out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
 
 
-def _print_arm(out: Console, arm: dict[str, Any] | None) -> None:
-    if arm is None:
-        return
+def _print_arm(out: Console, arm: dict[str, Any]) -> None:
     shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
     if off := arm.get("off_target_mm"):
         shares += f"; {off['rms']:.1f} mm from its target (rms), {off['worst']:.1f} at most"
@@ -103,13 +99,17 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
     for name, text in summary.get("inputs", {}).items():
         away = f", no data {100 * text['no_data_share']:.0f} % of the time" if text["no_data_share"] else ""
         out.print(f"{name.replace('_', ' ')}: {text['source']}, {text['presses']} presses{away}")
-    _print_arm(out, summary.get("arm"))
-    _print_link(out, summary.get("net"))
+    for name, print_row in (("arm", _print_arm), ("net", _print_link)):
+        if (row := summary.get(name)) is not None:
+            print_row(out, row)
     _print_safety(out, summary)
     for note in summary["notes"]:
         out.print(f"note: {note}", markup=False)
     if (recording := summary.get("recording")) is not None:
-        out.print(_recorded(recording), markup=False, soft_wrap=True)
+        n_dropped = sum(recording["dropped"].values())
+        lost = f"{n_dropped} records dropped" if n_dropped else "nothing dropped"
+        size = f"{recording['bytes'] / 1e6:.1f} MB"
+        out.print(f"recorded: {recording['file']}, {size}, {lost}", markup=False, soft_wrap=True)
     if (pacing := summary.get("pacing")) is not None:
         out.print(
             f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
@@ -117,12 +117,6 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
         )
     else:
         out.print(f"took {measured['wall_s']:.2f} s: {measured['real_time_factor']:.1f} times real time")
-
-
-def _recorded(recording: dict[str, Any]) -> str:
-    n_dropped = sum(recording["dropped"].values())
-    lost = f", {n_dropped} records dropped" if n_dropped else ", nothing dropped"
-    return f"recorded: {recording['file']}, {recording['bytes'] / 1e6:.1f} MB{lost}"
 
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:

@@ -42,10 +42,8 @@ _AGEING = f"""
 .tega-late span::after {{ counter-reset: age var(--tega-age); content: counter(age) " s" }}
 .tega-ended {{ filter: grayscale(1); opacity: 0.5 }}
 .tega-badge {{ animation: tega-grey 1ms linear calc({NO_NEWS_S}s - var(--tega-since)) forwards }}
-"""
 
-_PICTURES = """
-.tega-sheet { display: block; box-sizing: border-box; width: 100%; height: auto; padding: 0 10px 8px }
+.tega-sheet {{ display: block; box-sizing: border-box; width: 100%; height: auto; padding: 0 10px 8px }}
 """
 
 STOP_MARK: Final = '<div class="tega-stop"></div>'
@@ -89,7 +87,7 @@ _NARROW = f"""
 }}
 """
 
-STYLE: Final = f'<style class="tega-style">{_AGEING}{_PICTURES}{_STOP}{_PHONE}{_NARROW}</style>'
+STYLE: Final = f'<style class="tega-style">{_AGEING}{_STOP}{_PHONE}{_NARROW}</style>'
 """Style of the whole page, as an HTML element."""
 
 
