@@ -16,6 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
+import can
 import pytest
 
 import tega
@@ -24,6 +25,8 @@ import tega_emulators
 import tega_figures
 from reference.chromium import launched
 from reference.page_blocks import blocks_of
+from tega.hand import CLOSURE_POSES_RAD
+from tega.wire import allegro_position_frames
 from tega_figures.public import PUBLIC
 from tega_sim.world import read_objects
 
@@ -116,6 +119,19 @@ def test_the_python_of_a_page_runs_on_devices(
     python_of(page)
     plt.close("all")
     assert re.search(r"\d\.\d\d s, thumb: ", capsys.readouterr().out)
+
+
+def test_the_code_of_a_page_reads_a_log_of_python_can(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with can.CanutilsLogWriter("candump.log") as log:
+        for frame in allegro_position_frames(CLOSURE_POSES_RAD[2]):
+            log(can.Message(1.0, arbitration_id=frame.id, data=frame.data, is_extended_id=False))
+    python_of("docs/device-allegro.md")
+    printed = capsys.readouterr().out.splitlines()
+    assert [line.split()[1] for line in printed] == ["index", "middle", "ring", "thumb"]
+    assert printed[-1] == "1.0 thumb [1.34999889 0.24995706 0.30001948 0.50000288]"
 
 
 def test_the_object_of_a_page_can_be_read(tmp_path: Path) -> None:

@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 import scipy.io
 
-from reference.can_logs import conversation, write_log
 from reference.kept import NOW
 from reference.recordings import pressed, write_video
 from reference.videos import encode, numbered
@@ -25,7 +24,6 @@ from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import TouchRecord, read_record
 from tega.devices.fingertip.picture_stack import StackFile, StackFileOptions
 from tega.devices.fingertip.video import VideoFile, VideoFileOptions
-from tega.devices.hand.can_log import HandLog, find_hand, read_can_log
 from tega.devices.tracker.sources import read_poses
 from tega.devices.vest.player_versions import PlayerOptions, versions_to_ask
 from tega.hand.poses import load_poses
@@ -69,16 +67,6 @@ def _read_stack(path: Path) -> None:
 
 def _encoded_video(path: Path, codec: str) -> bytes:
     return encode(path, numbered(4), [0, 30, 90, 120], codec=codec).read_bytes()
-
-
-def _log(path: Path) -> bytes:
-    return write_log(path, conversation([[k] * 16 for k in range(3)])).read_bytes()
-
-
-def _decode_log(path: Path) -> None:
-    log = HandLog(*find_hand(read_can_log(path), device_id=None, channel=None))
-    for _ in log.states(read_can_log(path)):
-        pass
 
 
 def _npz() -> bytes:
@@ -189,10 +177,6 @@ READERS: dict[str, Reader] = {
     ),
     "dose of a day": ("vest-dose.json", lambda _: _DOSE, lambda p: worn_vest._of_the_day(p, 0.0)),
     "video": ("a.avi", lambda folder: write_video(folder / "v.avi", 4).read_bytes(), _read_video),
-    "log .asc": ("a.asc", lambda folder: _log(folder / "a.asc"), _decode_log),
-    "log .blf": ("a.blf", lambda folder: _log(folder / "a.blf"), _decode_log),
-    "log .log": ("a.log", lambda folder: _log(folder / "a.log"), _decode_log),
-    "log .trc": ("a.trc", lambda folder: _log(folder / "a.trc"), _decode_log),
     "video AV1": ("a.mp4", lambda folder: _encoded_video(folder / "v.mp4", "av1"), _read_video),
     "video H.264": ("a.mkv", lambda folder: _encoded_video(folder / "v.mkv", "h264"), _read_video),
     "video VP9": ("a.webm", lambda folder: _encoded_video(folder / "v.webm", "vp9"), _read_video),

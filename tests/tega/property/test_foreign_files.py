@@ -142,8 +142,7 @@ def test_a_recording_that_is_odd_is_told_to_be(short, spot, changes, kinds, tmp_
 
 _MEDIA = [
     "stack npy", "stack npz", "video AV1", "video H.264", "video VP9", "BORIS project", "BORIS project packed",
-    "BORIS table", "BORIS aggregated", "ELAN", "annotations", "log .asc", "log .blf",
-    "log .log", "log .trc",
+    "BORIS table", "BORIS aggregated", "ELAN", "annotations",
 ]  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,60 +17,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tega.devices.hand.allegro import Allegro
-
-
-@click.command(epilog="Example: tega-teleop hand decode candump.log --out states.csv")
-@click.argument("log", type=FILE)
-@click.option("--out", type=FILE, help="CSV with a row for each complete set of joint angles.")
-@click.option(
-    "--device-id",
-    type=click.IntRange(0, 3),
-    help="The hand's number on its bus [default: the one that reports].",
-)
-@click.option("--bus", help="Name of the bus in a log of several [default: the one with the hand].")
-@json_option
-def decode(*, log: Path, out: Path | None, device_id: int | None, bus: str | None, as_json: bool) -> None:
-    """Decode a CAN log of an Allegro Hand: .asc, .blf, .log (candump), .trc or .mf4.
-
-    Prints joint angles in rad, commanded torques in counts of pulse width, temperatures in °C, and motors on or off.
-    With --json: facts about the log, with the last state.
-    """
-    import msgspec
-
-    from tega.devices.hand.can_log import HandLog, LoggedHand, find_hand, read_can_log
-    from tega.hand import JOINT_NAMES
-    from tega.runtime.files.csv_tables import CsvWriter
-
-    def cells(state: LoggedHand) -> list[str]:
-        torques = [""] * 16 if state.torque_counts is None else [str(int(v)) for v in state.torque_counts]
-        celsius = ["" if v is None else str(v) for v in state.celsius]
-        servo = "" if state.servo_on is None else str(int(state.servo_on))
-        return [f"{state.t_s:.6f}", servo, *(f"{v:.6f}" for v in state.angles_rad), *torques, *celsius]
-
-    decoder = HandLog(*find_hand(read_can_log(log), device_id=device_id, channel=bus))
-    names = ["t_s", "servo_on", *(f"{joint}_{unit}" for unit in ("rad", "pwm", "c") for joint in JOINT_NAMES)]
-    last: LoggedHand | None = None
-    with nullcontext() if out is None else closing(CsvWriter(out, names)) as table:
-        for last in decoder.states(read_can_log(log)):
-            if table is not None:
-                table.write(",".join(cells(last)) + "\n")
-    facts = decoder.facts
-    if as_json:
-        row = None if last is None else dict(zip(names, cells(last), strict=True))
-        echo_json({**msgspec.structs.asdict(facts), "last": row, "out": None if out is None else str(out)})
-        return
-    versions = f"version {facts.hardware}, firmware {facts.firmware}, {facts.side}"
-    about, serial = versions if facts.hardware else "not asked", facts.serial or "not asked"
-    rate_hz = facts.sets / facts.duration_s if facts.duration_s else 0.0
-    click.echo(
-        f"hand {facts.device_id} on bus {facts.channel or 'unnamed'}: {about}; serial {serial}\n"
-        f"{facts.frames} frames in {facts.duration_s:.3f} s: {facts.sets} sets of joint angles ({rate_hz:.1f} a second)"
-        f", {facts.incomplete} incomplete\n" + "  ".join(f"{kind} {n}" for kind, n in facts.kinds.items())
-    )
-    if last is not None:
-        click.echo("last angles, rad: " + "  ".join(f"{v:.3f}" for v in last.angles_rad))
-    if out is not None:
-        click.echo(f"{out}: {facts.sets} states")
 
 
 _hand_options = all_options(
@@ -107,10 +53,7 @@ def _opened(
 
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
 def hand() -> None:
-    """Check the robot hand, teach its closure poses, time its loop, decode its logs."""
-
-
-hand.add_command(decode)
+    """Check the robot hand, teach its closure poses, time its loop."""
 
 
 @hand.command(epilog="Example: tega-teleop hand show --interface socketcan --channel can0")
