@@ -9,11 +9,7 @@ import numpy as np
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tega.arm import (
-    ArmCommand,
-    LimitSettings,
-    Pose,
-)
+from tega.arm import ArmCommand, LimitSettings, Pose
 
 __all__ = ["Obedience", "one_euro"]
 

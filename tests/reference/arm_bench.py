@@ -9,15 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from tega.arm import (
-    ArmChain,
-    ArmCommand,
-    ArmSettings,
-    LimitSettings,
-    MappingSettings,
-    Pose,
-    StampedPose,
-)
+from tega.arm import ArmChain, ArmCommand, ArmSettings, LimitSettings, MappingSettings, Pose, StampedPose
 from tega.arm import rotation as so3
 from tega.devices.base import TellingArm
 

@@ -23,10 +23,7 @@ from tega_emulators.process import Emulator
 from tega_lsl.emg import LslEmg, LslEmgOptions
 from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
 
 
 def cyton(device: Emulator, **options: Any) -> Cyton:
@@ -220,11 +217,7 @@ def test_the_alert_of_a_contradiction_is_in_the_summary(tmp_path: Path) -> None:
         )
         tree = {
             "session": {"duration_s": 2.0, "out_dir": str(tmp_path / "out")},
-            "emg": {
-                "driver": "lsl-emg",
-                "kind": "raw",
-                "options": {"by": "source_id", "value": device.port},
-            },
+            "emg": {"driver": "lsl-emg", "kind": "raw", "options": {"by": "source_id", "value": device.port}},
             "calibration": {"file": str(file)},
         }
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)

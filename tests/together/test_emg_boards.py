@@ -7,13 +7,7 @@ import sys
 
 import pytest
 
-from reference.emg_boards import (
-    chunks_of,
-    emulator,
-    error_of,
-    opened,
-    phases,
-)
+from reference.emg_boards import chunks_of, emulator, error_of, opened, phases
 from tega.errors import DeviceUnavailableError
 from tega_emulators.process import Emulator
 

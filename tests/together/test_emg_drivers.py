@@ -8,15 +8,7 @@ import time
 
 import pytest
 
-from reference.emg_boards import (
-    CASES,
-    PATIENCE_S,
-    chunks_of,
-    emulator,
-    error_of,
-    opened,
-    phases,
-)
+from reference.emg_boards import CASES, PATIENCE_S, chunks_of, emulator, error_of, opened, phases
 from tega.devices.emg import live_emg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import DeviceUnavailableError, SampleRateError

@@ -150,10 +150,7 @@ class ArmWatch:
     def trouble(self, now_ns: int, away_ms: float) -> Trouble:
         """Return the worst trouble there is; ``away_ms`` is how long ago the caller last asked."""
         return max(
-            self.with_poses(now_ns),
-            self._with_arm(now_ns),
-            self._with_caller(away_ms),
-            key=lambda t: t.level,
+            self.with_poses(now_ns), self._with_arm(now_ns), self._with_caller(away_ms), key=lambda t: t.level
         )
 
     def with_poses(self, now_ns: int) -> Trouble:

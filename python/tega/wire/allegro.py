@@ -109,10 +109,7 @@ def allegro_servo_off(*, device_id: int = 0) -> CanFrame:
 
 def allegro_limp_frames(*, device_id: int = 0) -> list[CanFrame]:
     """Return the frames that leave a hand without force: zero torque on every finger, then SERVO OFF."""
-    return [
-        *allegro_torque_frames(np.zeros(16), device_id=device_id),
-        allegro_servo_off(device_id=device_id),
-    ]
+    return [*allegro_torque_frames(np.zeros(16), device_id=device_id), allegro_servo_off(device_id=device_id)]
 
 
 def allegro_set_period(

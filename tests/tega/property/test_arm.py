@@ -283,8 +283,7 @@ def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_
             share = min(1.0, number * dt_ms / 3000)  # no faster than the gate believes
             place = (1 - share) * hand.position_m + share * goal.position_m
             turn = so3.multiply(
-                so3.exp(share * so3.between(hand.quaternion_xyzw, goal.quaternion_xyzw)),
-                hand.quaternion_xyzw,
+                so3.exp(share * so3.between(hand.quaternion_xyzw, goal.quaternion_xyzw)), hand.quaternion_xyzw
             )
             pose = StampedPose(now_ns, place, turn)
             measured = measured._replace(t_ns=now_ns)

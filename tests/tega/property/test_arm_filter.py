@@ -9,12 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from reference.arm import one_euro, quaternions, turn_between, vectors
-from tega.arm import (
-    FRAMES,
-    GateSettings,
-    MappingSettings,
-    StampedPose,
-)
+from tega.arm import FRAMES, GateSettings, MappingSettings, StampedPose
 from tega.arm import rotation as so3
 from tega.arm.frames import OneEuro, ToBase
 from tega.arm.gate import PoseGate
@@ -77,11 +72,7 @@ steps_s = st.lists(st.floats(1e-3, 0.2), min_size=1, max_size=40)
 
 
 @given(
-    data=st.data(),
-    dts=steps_s,
-    cutoff=st.floats(0.1, 10),
-    beta=st.floats(0, 50),
-    d_cutoff=st.floats(0.1, 10),
+    data=st.data(), dts=steps_s, cutoff=st.floats(0.1, 10), beta=st.floats(0, 50), d_cutoff=st.floats(0.1, 10)
 )
 def test_along_one_axis_it_is_the_published_filter(data, dts, cutoff, beta, d_cutoff) -> None:
     xs = data.draw(st.lists(st.floats(-1, 1), min_size=len(dts), max_size=len(dts)))

@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from reference.arm_bench import Bench
-from tega.arm import (
-    MappingSettings,
-    StampedPose,
-    check_forward,
-    yaw_from_sweep,
-)
+from tega.arm import MappingSettings, StampedPose, check_forward, yaw_from_sweep
 from tega.arm import rotation as so3
 from tega.arm.frames import ToBase
 from tega.errors import CalibrationError

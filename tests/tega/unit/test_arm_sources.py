@@ -39,11 +39,7 @@ def steer(source: PoseSource, ms: int) -> Pose:
 def test_a_recording_comes_back_as_it_was_written(tmp_path: Path) -> None:
     path = path_through([Waypoint(0, START), Waypoint(1, Pose(START.position_m + 0.1, so3.IDENTITY))])
     source = ScriptedPoses(path, noise_m=0.001, noise_rad=0.01)
-    poses = [
-        *source.read(0),
-        *source.read(500 * MS),
-        StampedPose(600 * MS, [1, 2, 3], [0, 0, 0, 1], False),
-    ]
+    poses = [*source.read(0), *source.read(500 * MS), StampedPose(600 * MS, [1, 2, 3], [0, 0, 0, 1], False)]
     write_poses(tmp_path / "hand.csv", poses)
     back = read_poses(tmp_path / "hand.csv")
     assert len(back) == len(poses) > 20
