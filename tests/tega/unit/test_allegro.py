@@ -30,13 +30,17 @@ from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 
-SLOW: dict[str, Any] = {"sleep_after_open": 2.0}
 
+def _reach(steered: Allegro, level: int, added: float = 0.0) -> None:
+    """Wait until a hand is where a level and what is added are, whichever way they came."""
+    below, above = CLOSURE_POSES_RAD[level - 1], CLOSURE_POSES_RAD[level]
+    wanted = below + added * (above - below)
 
-def _reach(steered: Allegro, level: int) -> None:
     def near() -> bool:
-        steered.step(level)
-        return float(np.abs(steered.angles_rad - CLOSURE_POSES_RAD[level - 1]).max()) < 0.03
+        steered.step(level, added)
+        target = steered.target_rad
+        there = target is not None and np.abs(target - wanted).max() < 1e-6
+        return bool(there and np.abs(steered.angles_rad - wanted).max() < 0.03)
 
     until(near)
 
@@ -99,44 +103,25 @@ def test_another_hand_is_refused_before_any_torque(arguments: tuple[str, ...], w
         assert not hand.say("look")["reports"]
 
 
-def _firm(steered: Allegro, level: int, added: float) -> None:
-    """Wait until the targets of a hand lie where a level and what is added are, whichever way they came."""
-    below, above = CLOSURE_POSES_RAD[level - 1], CLOSURE_POSES_RAD[level]
-    wanted = below + added * (above - below)
-
-    def there() -> bool:
-        steered.step(level, added)
-        target = steered.target_rad
-        return target is not None and float(np.abs(target - wanted).max()) < 1e-6
-
-    until(there)
-
-
 def test_what_is_added_reaches_the_hand_through_its_process_and_is_taken_back() -> None:
     reported: set[tuple[float, float]] = set()
     with Emulator("allegro_port") as hand:
         steered = driver(hand)
         steered.on_exchange = lambda spoken: reported.add((spoken.level, spoken.added))
         with steered:
-            _reach(steered, 3)
-            for added in (0.5, 0.25, 0.0):
-                _firm(steered, 3, added)
+            for added in (0.0, 0.5, 0.25, 0.0):
+                _reach(steered, 3, added)
     assert {(3.0, 0.5), (3.0, 0.25), (3.0, 0.0)} <= reported
 
 
 @pytest.mark.parametrize("word", [(3.0, math.nan), (math.nan, 0.0), (3.0, -0.5), (3.0, 2.0), (7.0, 0.5)])
 def test_a_hostile_word_to_the_hand_s_process_has_it_let_go(word: tuple[float, float]) -> None:
-    with Emulator("allegro_port") as hand:
-        steered = driver(hand)
-        steered.open()
-        try:
-            _reach(steered, 3)
-            steered._check().say(*word)
-            until(lambda: limp(hand))
-            with pytest.raises(DeviceUnavailableError, match=r"(level|added) = "):
-                steered.step(3)
-        finally:
-            steered.close()
+    with Emulator("allegro_port") as hand, driver(hand) as steered:
+        _reach(steered, 3)
+        steered._check().say(*word)
+        until(lambda: limp(hand))
+        with pytest.raises(DeviceUnavailableError, match=r"(level|added) = "):
+            steered.step(3)
 
 
 def test_nobody_there_and_no_adapter() -> None:
@@ -280,7 +265,10 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
 
 
 def test_an_adapter_that_opens_slowly_is_waited_for() -> None:
-    with Emulator("allegro_port") as hand, driver(hand, silent_after_ms=300.0, bus=SLOW) as steered:
+    with (
+        Emulator("allegro_port") as hand,
+        driver(hand, silent_after_ms=300.0, bus={"sleep_after_open": 2.0}) as steered,
+    ):
         hand.say("power-cycle")
 
         def steered_again() -> bool:

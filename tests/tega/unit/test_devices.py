@@ -6,6 +6,7 @@ import shutil
 import struct
 import sys
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import can
@@ -30,11 +31,8 @@ from tega.wire import CanFrame
 
 
 def names_read(folder: Path, **options: object) -> list[str]:
-    names = []
     with ImageFolder(ImageFolderOptions(folder=folder, **options)) as source:  # type: ignore[arg-type]
-        while (frame := source.read(0)) is not None:
-            names.append(frame.name)
-    return names
+        return [frame.name for frame in iter(lambda: source.read(0), None)]
 
 
 def test_pictures_come_in_natural_order_and_nothing_else_comes(tmp_path: Path) -> None:
@@ -112,17 +110,14 @@ def test_a_changed_png_gives_the_same_pixels_or_none(data: st.DataObject) -> Non
     np.testing.assert_array_equal(read, picture)
 
 
-def test_a_picture_of_another_size_is_named_with_both_sizes(tmp_path: Path) -> None:
-    write_folder(tmp_path, 2)
-    cv2.imwrite(str(tmp_path / "frame_2.png"), np.zeros((20, 30, 3), np.uint8))
-    with pytest.raises(RecordingError, match=r"frame_2\.png: 30×20 pixels, the frames before it have 80×60"):
-        names_read(tmp_path)
-
-
-def test_missing_and_empty_folders_are_told_apart(tmp_path: Path) -> None:
+def test_folders_that_are_no_recording_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="nowhere: no such folder"):
         names_read(tmp_path / "nowhere")
     with pytest.raises(RecordingError, match="holds no picture"):
+        names_read(tmp_path)
+    write_folder(tmp_path, 2)
+    cv2.imwrite(str(tmp_path / "frame_2.png"), np.zeros((20, 30, 3), np.uint8))
+    with pytest.raises(RecordingError, match=r"frame_2\.png: 30×20 pixels, the frames before it have 80×60"):
         names_read(tmp_path)
 
 
@@ -134,30 +129,14 @@ def test_a_video_has_its_headers_rate_and_length(tmp_path: Path) -> None:
         assert source.ended
 
 
-@pytest.fixture
-def cut_video(tmp_path: Path) -> Path:
+def test_a_truncated_video_is_refused_or_if_allowed_noted(tmp_path: Path) -> None:
     path = write_video(tmp_path / "cut.avi", 40)
-    data = path.read_bytes()
-    path.write_bytes(data[: len(data) * 2 // 3])
-    return path
-
-
-def frames_of(source: VideoFile) -> int:
-    n = 0
-    while source.read(0) is not None:
-        n += 1
-    return n
-
-
-def test_a_truncated_video_is_refused(cut_video: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
     text = r"cut\.avi: \d+ frames decode, its header says 40: .*--allow-truncated"
-    with VideoFile(VideoFileOptions(file=cut_video)) as source, pytest.raises(RecordingError, match=text):
-        frames_of(source)
-
-
-def test_a_truncated_video_may_be_allowed_and_is_noted(cut_video: Path) -> None:
-    with VideoFile(VideoFileOptions(file=cut_video, allow_truncated=True)) as source:
-        n = frames_of(source)
+    with VideoFile(VideoFileOptions(file=path)) as source, pytest.raises(RecordingError, match=text):
+        _ = [source.read(0) for _ in range(40)]
+    with VideoFile(VideoFileOptions(file=path, allow_truncated=True)) as source:
+        n = sum(source.read(0) is not None for _ in range(40))
         assert 20 <= n < 40
         assert source.info.n_items == n
         assert f"{n + 1} frames decode, its header says 40" in source.info.notes[0]
@@ -208,48 +187,44 @@ def test_the_vest_recorder_names_motors_by_their_index(tmp_path: Path) -> None:
     assert row == "0.033333,1,2,3,4,1,2,3,4,5,6,7,8,5,6,7,8"
 
 
-def install_plugin(folder: Path, name: str, module: str, source: str) -> None:
-    """Put a package with one driver where Python looks for packages."""
-    (folder / f"{module}.py").write_text(source)
-    info = folder / f"{module}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[tega.devices]\n{name} = {module}:Driver\n")
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], None]:
+    """Return a function that puts a package with the driver ``own`` where Python looks for packages."""
+
+    def installed(module: str, source: str) -> None:
+        (tmp_path / f"{module}.py").write_text(source)
+        info = tmp_path / f"{module}-1.0.dist-info"
+        info.mkdir()
+        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
+        (info / "entry_points.txt").write_text(f"[tega.devices]\nown = {module}:Driver\n")
+        monkeypatch.syspath_prepend(tmp_path)
+
+    return installed
 
 
-def test_a_strangers_driver_comes_through_the_same_door(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    source = (
-        "from tega.devices.vest.vest_recorder import VestRecorder\n"
-        "class Driver(VestRecorder):\n    summary = 'mine'\n"
-    )
-    install_plugin(tmp_path, "my-vest", "tega_test_vest", source)
-    monkeypatch.syspath_prepend(tmp_path)
-    assert driver_class("my-vest", "vest").summary == "mine"
-    record = next(r for r in list_drivers() if r.name == "my-vest")
+def test_a_strangers_driver_comes_through_the_same_door(install: Callable[[str, str], None]) -> None:
+    source = "from tega.devices.vest.vest_recorder import VestRecorder\nclass Driver(VestRecorder):\n"
+    install("tega_test_vest", f"{source}    summary = 'mine'\n")
+    assert driver_class("own", "vest").summary == "mine"
+    record = next(r for r in list_drivers() if r.name == "own")
     assert (record.kind, record.package, record.ready) == ("vest", "tega_test_vest", True)
 
 
-def test_a_driver_whose_package_is_missing_names_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    install_plugin(tmp_path, "needy", "tega_test_needy", "import no_such_package_here\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(MissingExtraError, match=r"driver 'needy' needs 'no_such_package_here'"):
-        driver_class("needy")
-    record = next(r for r in list_drivers() if r.name == "needy")
+def test_a_driver_whose_package_is_missing_names_it(install: Callable[[str, str], None]) -> None:
+    install("tega_test_needy", "import no_such_package_here\n")
+    with pytest.raises(MissingExtraError, match=r"driver 'own' needs 'no_such_package_here'"):
+        driver_class("own")
+    record = next(r for r in list_drivers() if r.name == "own")
     assert not record.ready
     assert "no_such_package_here" in record.problem
 
 
 @pytest.mark.parametrize("source", ["", "Driver = 3\n", "class Driver:\n    pass\n"])
-def test_an_entry_that_holds_no_driver_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, source: str
-) -> None:
+def test_an_entry_that_holds_no_driver_says_so(source: str, install: Callable[[str, str], None]) -> None:
     module = f"tega_test_hollow{len(source)}"
-    install_plugin(tmp_path, "hollow", module, source)
-    monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(DeviceUnavailableError, match=rf"'hollow' is registered as '{module}:Driver', which"):
-        driver_class("hollow")
+    install(module, source)
+    with pytest.raises(DeviceUnavailableError, match=rf"'own' is registered as '{module}:Driver', which"):
+        driver_class("own")
 
 
 def test_a_package_missing_at_opening_names_the_extra(

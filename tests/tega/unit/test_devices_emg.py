@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import scipy.io
-from numpy.typing import NDArray
 
 from tega.devices.emg.emg_file import EmgFile, EmgFileOptions
 from tega.errors import RecordingError
-from tega.runtime.files.signals import read_signals
+from tega.runtime.files.signals import Signals, read_signals
 from tega.runtime.files.tables.table import Reading
 
-
-def read_emg_file(
-    path: Path, channels: tuple[int, ...] = (), variable: str = "emg"
-) -> tuple[NDArray[np.float64], tuple[int, ...]]:
-    """Return samples and channels of a file."""
-    signals = read_signals(path, Reading(channels=channels, variable=variable))
-    return signals.samples, signals.channels
-
-
 ROWS = np.array([[1.0, -2.5, 3e-4], [4.0, 5.0, -6.0], [7.0, 8.25, 9.0]])
+
+
+def read(path: Path, content: Any, **how: Any) -> Signals:
+    """Write text, bytes, an array or the variables of a MAT file, and read them."""
+    match content:
+        case str():
+            path.write_text(content, encoding="utf-8", newline="")
+        case bytes():
+            path.write_bytes(content)
+        case dict():
+            scipy.io.savemat(path, content)
+        case _:
+            np.save(path, content)
+    return read_signals(path, Reading(**how))
 
 
 @pytest.mark.parametrize(
@@ -40,100 +45,62 @@ ROWS = np.array([[1.0, -2.5, 3e-4], [4.0, 5.0, -6.0], [7.0, 8.25, 9.0]])
     ],
 )
 def test_text_is_read_whatever_its_habits(tmp_path: Path, text: str) -> None:
-    path = tmp_path / "emg.txt"
-    path.write_text(text, encoding="utf-8", newline="")
-    samples, channels = read_emg_file(path)
-    np.testing.assert_array_equal(samples, ROWS)
-    assert channels == (1, 2, 3)
-
-
-def test_channels_are_counted_from_one_in_the_order_asked_for(tmp_path: Path) -> None:
-    path = tmp_path / "emg.csv"
-    path.write_text("1,2,3\n4,5,6\n")
-    samples, channels = read_emg_file(path, (3, 1))
-    np.testing.assert_array_equal(samples, [[3, 1], [6, 4]])
-    assert channels == (3, 1)
-
-
-def test_only_the_wanted_columns_have_to_be_numbers(tmp_path: Path) -> None:
-    path = tmp_path / "emg.csv"
-    path.write_text("time,emg\n12:30:01,5\n12:30:02,nan\n")
-    samples, _ = read_emg_file(path, (2,))
-    np.testing.assert_array_equal(samples, [[5.0], [np.nan]])
+    found = read(tmp_path / "emg.txt", text)
+    np.testing.assert_array_equal(found.samples, ROWS)
+    assert found.channels == (1, 2, 3)
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("name", "content", "how", "samples"),
     [
-        ("1,2\n3,x\n", r"emg\.csv:2: not a row of numbers: '3,x'; fix or delete"),
-        ("1,2\n3,4,5\n", r"emg\.csv:2: 3 cells, the lines before have 2: '3,4,5'"),
-        ("1,2\n3\n", r"emg\.csv:2: 1 cells, the lines before have 2: '3'"),
-        ("1,2\n1_0,3\n", r"emg\.csv:2: not a row of numbers: '1_0,3'"),
-        ("1,x\n2,3\n", r"emg\.csv:1: not a row of numbers: '1,x'"),
-        ("a,b\nc,d\n", r"emg\.csv:2: not a row of numbers: 'c,d'"),
-        ("# nothing\n", r"emg\.csv: holds no sample"),
-        ("a,b\n", r"emg\.csv: holds no sample"),
-        ("", r"emg\.csv: holds no sample"),
+        ("e.csv", "1,2,3\n4,5,6\n", {"channels": (3, 1)}, [[3, 1], [6, 4]]),
+        ("e.csv", "time,emg\n12:30:01,5\n12:30:02,nan\n", {"channels": (2,)}, [[5.0], [np.nan]]),
+        ("e.npy", ROWS, {"channels": (2,)}, ROWS[:, [1]]),
+        ("e.npy", np.arange(3, dtype=np.int16), {}, [[0], [1], [2]]),
+        ("e.mat", {"emg": ROWS, "Force": np.arange(3.0)}, {"channels": (2,)}, ROWS[:, [1]]),
+        ("e.mat", {"data": ROWS, "raw": ROWS}, {"variable": "data"}, ROWS),
     ],
 )
-def test_a_line_that_cannot_be_parsed_is_named(tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "emg.csv"
-    path.write_text(text)
+def test_what_is_asked_for_is_given_in_its_order(
+    name: str, content: Any, how: dict[str, Any], samples: Any, tmp_path: Path
+) -> None:
+    found = read(tmp_path / name, content, **how)
+    np.testing.assert_array_equal(found.samples, samples)
+    assert found.samples.dtype == np.float64
+    assert found.channels == how.get("channels", tuple(range(1, 1 + len(samples[0]))))
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "how", "message"),
+    [
+        ("e.csv", "1,2\n3,x\n", {}, r"e\.csv:2: not a row of numbers: '3,x'; fix or delete"),
+        ("e.csv", "1,2\n3,4,5\n", {}, r"e\.csv:2: 3 cells, the lines before have 2: '3,4,5'"),
+        ("e.csv", "1,2\n3\n", {}, r"e\.csv:2: 1 cells, the lines before have 2: '3'"),
+        ("e.csv", "1,2\n1_0,3\n", {}, r"e\.csv:2: not a row of numbers: '1_0,3'"),
+        ("e.csv", "1,x\n2,3\n", {}, r"e\.csv:1: not a row of numbers: '1,x'"),
+        ("e.csv", "a,b\nc,d\n", {}, r"e\.csv:2: not a row of numbers: 'c,d'"),
+        ("e.csv", "# nothing\n", {}, r"e\.csv: holds no sample"),
+        ("e.csv", "a,b\n", {}, r"e\.csv: holds no sample"),
+        ("e.csv", "", {}, r"e\.csv: holds no sample"),
+        ("e.csv", b"1,2\n\xff\xfe\n", {}, r"e\.csv: not text: byte 4 is 0xff"),
+        ("e.csv", "1,2,3\n", {"channels": (4,)}, "has no channel 4; it has 3"),
+        ("e.csv", "1,2,3\n", {"channels": (1, 1)}, "asked for twice"),
+        ("e.npy", ROWS, {"channels": (4,)}, "has no channel 4; it has 3"),
+        ("e.npy", ROWS, {"channels": (1, 1)}, "asked for twice"),
+        ("e.npy", np.zeros((2, 3, 4)), {}, r"of shape \(2, 3, 4\), expected \(samples, channels\)"),
+        ("e.npy", np.zeros((100, 130)), {}, r"100 rows and 130 columns: .*set rows to samples"),
+        ("e.npy", np.array(["a"]), {}, "expected real numbers"),
+        ("e.npy", b"\x93NUMPY broken", {}, r"not an \.npy array"),
+        ("e.mat", {"data": ROWS, "raw": ROWS}, {}, "several arrays can be 'emg'; it has: data, raw"),
+        ("e.mat", {"data": ROWS}, {"variable": "emgs"}, "has no variable 'emgs'; it has: data"),
+        ("e.mat", b"no matlab, but long enough for a header" * 9, {}, r"not a MATLAB file|MATLAB 7\.3"),
+    ],
+)
+def test_what_cannot_be_read_is_named(
+    name: str, content: Any, how: dict[str, Any], message: str, tmp_path: Path
+) -> None:
     with pytest.raises(RecordingError, match=message):
-        read_emg_file(path)
-
-
-def test_binary_bytes_are_no_text(tmp_path: Path) -> None:
-    path = tmp_path / "emg.csv"
-    path.write_bytes(b"1,2\n\xff\xfe\n")
-    with pytest.raises(RecordingError, match=r"emg\.csv: not text: byte 4 is 0xff"):
-        read_emg_file(path)
-
-
-def test_npy_and_mat_give_the_same_numbers(tmp_path: Path) -> None:
-    np.save(tmp_path / "e.npy", ROWS)
-    scipy.io.savemat(tmp_path / "e.mat", {"emg": ROWS, "Force": np.arange(3.0)})
-    for name in ("e.npy", "e.mat"):
-        samples, _ = read_emg_file(tmp_path / name, (2,))
-        np.testing.assert_array_equal(samples, ROWS[:, [1]])
-
-
-def test_one_channel_may_come_as_a_plain_row_of_numbers(tmp_path: Path) -> None:
-    np.save(tmp_path / "e.npy", np.arange(4, dtype=np.int16))
-    samples, channels = read_emg_file(tmp_path / "e.npy")
-    assert (samples.shape, channels) == ((4, 1), (1,))
-    assert samples.dtype == np.float64
-
-
-def test_what_arrays_cannot_be_is_said(tmp_path: Path) -> None:
-    path = tmp_path / "e.npy"
-    np.save(path, np.zeros((2, 3, 4)))
-    with pytest.raises(
-        RecordingError, match=r"an array of shape \(2, 3, 4\), expected \(samples, channels\)"
-    ):
-        read_emg_file(path)
-    np.save(path, np.zeros((100, 130)))
-    with pytest.raises(RecordingError, match=r"100 rows and 130 columns: .*set rows to samples"):
-        read_emg_file(path)
-    np.save(path, np.array(["a"]))
-    with pytest.raises(RecordingError, match="expected real numbers"):
-        read_emg_file(path)
-    path.write_bytes(b"\x93NUMPY broken")
-    with pytest.raises(RecordingError, match=r"not an \.npy array"):
-        read_emg_file(path)
-
-
-def test_mat_files_name_what_they_have(tmp_path: Path) -> None:
-    path = tmp_path / "e.mat"
-    scipy.io.savemat(path, {"data": ROWS, "raw": ROWS})
-    with pytest.raises(RecordingError, match=r"several arrays can be 'emg'; it has: data, raw"):
-        read_emg_file(path)
-    with pytest.raises(RecordingError, match=r"has no variable 'emgs'; it has: data, raw"):
-        read_emg_file(path, variable="emgs")
-    assert read_emg_file(path, variable="data")[0].shape == (3, 3)
-    path.write_bytes(b"no matlab at all, but long enough to look like a header" * 5)
-    with pytest.raises(RecordingError, match=r"not a MATLAB file|MATLAB 7\.3"):
-        read_emg_file(path)
+        read(tmp_path / name, content, **how)
 
 
 def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
@@ -143,30 +110,19 @@ def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
     path = tmp_path / "e.mat"
     scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
     with pytest.raises(RecordingError, match="more than 1 MiB"):
-        read_emg_file(path)
+        read_signals(path)
 
 
 def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) -> None:
     path = recordings / "emg" / "my_thesis" / "recording_force_v1.mat"
-    assert read_emg_file(path)[0].shape == (8803, 8)
+    assert read_signals(path).samples.shape == (8803, 8)
     with pytest.raises(RecordingError, match="has no variable 'other'; it has: Force, "):
-        read_emg_file(path, variable="other")
-
-
-@pytest.mark.parametrize(
-    ("channels", "message"), [((4,), "has no channel 4; it has 3"), ((1, 1), "asked for twice")]
-)
-def test_channels_that_are_not_there(tmp_path: Path, channels: tuple[int, ...], message: str) -> None:
-    np.save(tmp_path / "e.npy", ROWS)
-    (tmp_path / "e.csv").write_text("1,2,3\n")
-    for name in ("e.npy", "e.csv"):
-        with pytest.raises(RecordingError, match=message):
-            read_emg_file(tmp_path / name, channels)
+        read_signals(path, Reading(variable="other"))
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"none\.csv: no such EMG file"):
-        read_emg_file(tmp_path / "none.csv")
+        read_signals(tmp_path / "none.csv")
 
 
 def test_chunks_are_stamped_with_the_time_of_their_last_sample(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
@@ -28,13 +29,14 @@ def camera(
     interface = usb / f"1-{number}:1.0"
     interface.mkdir(parents=True)
     vendor, product = usb_id.split(":")
-    for name, value in {
+    numbers = {
         "serial": serial,
         "bcdDevice": revision,
         "idVendor": vendor,
         "idProduct": product,
         "busnum": "1",
-    }.items():
+    }
+    for name, value in numbers.items():
         (usb / name).write_text(f"{value}\n")
     node = root / "video4linux" / f"video{number}"
     node.mkdir(parents=True)
@@ -82,32 +84,22 @@ def test_two_with_one_serial_number_are_told(tmp_path: Path) -> None:
 def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, text: str) -> None:
     device = tmp_path / "devices" / "1-4"
     device.mkdir(parents=True)
-    vendor, product = usb_id.split(":")
-    (device / "idVendor").write_text(vendor)
-    (device / "idProduct").write_text(product)
-    (device / "serial").write_text("D20641")
+    for name, value in zip(("idVendor", "idProduct", "serial"), (*usb_id.split(":"), "D20641"), strict=True):
+        (device / name).write_text(value)
     (found,) = find_digits(sysfs=tmp_path / "none", usb=tmp_path / "devices")
     assert text in found.problem
     assert found.hint
-
-
-def listed(number: int, usb: tuple[int, int] | tuple[None, None], name: str) -> SimpleNamespace:
-    """Make what cv2-enumerate-cameras lists of one camera."""
-    return SimpleNamespace(index=number, name=name, vid=usb[0], pid=usb[1])
 
 
 @pytest.mark.parametrize(("system", "access"), [("win32", 1400), ("darwin", 1200)])
 def test_windows_and_macos_name_cameras_by_number(
     system: str, access: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    requested = []
-
-    def cameras(backend: int) -> list[SimpleNamespace]:
-        requested.append(backend)
-        return [listed(0, (None, None), "Built-in"), listed(1, (0x2833, 0x0209), "DIGIT")]
-
+    # As cv2-enumerate-cameras lists them.
+    built_in = SimpleNamespace(index=0, name="Built-in", vid=None, pid=None)
+    cameras = Mock(return_value=[built_in, SimpleNamespace(index=1, name="DIGIT", vid=0x2833, pid=0x0209)])
     nodes = numbered_cameras(system, cameras)
-    assert requested == [access]
+    cameras.assert_called_once_with(access)
     assert nodes == [
         VideoNode("camera:0", "Built-in", "", 0),
         VideoNode("camera:1", "DIGIT", "", 0, "2833:0209"),
@@ -145,20 +137,9 @@ def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
     interface(tmp_path, "eth0", kind="1", flags="0x1003")
     interface(tmp_path, "can0", kind="280", flags="0x40081")
     interface(tmp_path, "can1", kind="280", flags="0x40080")
-    text = {
-        "can0": json.dumps(
-            [
-                {
-                    "linkinfo": {
-                        "info_kind": "can",
-                        "info_data": {"state": "ERROR-ACTIVE", "bittiming": {"bitrate": 500000}},
-                    }
-                }
-            ]
-        ),
-        "can1": "",
-    }
-    links = can_links(sysfs=tmp_path, describe=lambda name: text[name])
+    about = {"state": "ERROR-ACTIVE", "bittiming": {"bitrate": 500000}}
+    text = json.dumps([{"linkinfo": {"info_kind": "can", "info_data": about}}])
+    links = can_links(sysfs=tmp_path, describe={"can0": text, "can1": ""}.__getitem__)
     assert links == [
         CanLink("can0", is_up=True, bitrate=500000, state="ERROR-ACTIVE", is_virtual=False),
         CanLink("can1", is_up=False, bitrate=None, state="", is_virtual=False),

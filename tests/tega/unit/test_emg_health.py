@@ -46,44 +46,40 @@ def test_a_sound_signal_is_not_spoken_of(rate_hz: float) -> None:
     assert health.now == health.words() == ()
 
 
-def test_each_fault_is_named_on_its_own_channel() -> None:
-    t_s = np.arange(2000) / RATE_HZ
-    mains = np.sin(2 * np.pi * 50 * t_s)
-    faults = {
-        "at the converter's limit: electrode off": np.full(2000, 5000.0),
-        "no signal at all": np.full(2000, 3.0),
-        "clipped": np.clip(muscle()[:, 1] * 30, -5000, 5000),
-        "50 Hz mains: check the reference": muscle()[:, 1] + 130 * mains,
-        "mostly 50 Hz mains: electrode or reference loose": muscle()[:, 1] * 0.3 + 900 * mains,
-        "no numbers": np.where(t_s % 0.1 < 0.01, np.nan, 1.0) * muscle()[:, 1],
-    }
-    for words, signal in faults.items():
-        samples = muscle()
-        samples[:, 1] = signal
-        text = looked_at(samples).now
-        assert len(text) == 1, (words, text)
-        assert text[0].startswith("ch2: ")
-        assert words in text[0]
+T_S = np.arange(2000) / RATE_HZ
+MAINS = np.sin(2 * np.pi * 50 * T_S)
 
 
-def test_sixty_hertz_is_called_sixty() -> None:
-    samples = muscle() + 300 * np.sin(2 * np.pi * 60 * np.arange(2000) / RATE_HZ)[:, None]
-    assert all("60 Hz mains" in words for words in looked_at(samples).now)
+@pytest.mark.parametrize(
+    ("signal", "words"),
+    [
+        (np.full(2000, 5000.0), "at the converter's limit: electrode off"),
+        (np.full(2000, 3.0), "no signal at all"),
+        (np.clip(muscle()[:, 1] * 30, -5000, 5000), "clipped"),
+        (muscle()[:, 1] + 130 * MAINS, "50 Hz mains: check the reference"),
+        (muscle()[:, 1] * 0.3 + 900 * MAINS, "mostly 50 Hz mains: electrode or reference loose"),
+        (np.where(T_S % 0.1 < 0.01, np.nan, 1.0) * muscle()[:, 1], "no numbers"),
+    ],
+)
+def test_each_fault_is_named_on_its_own_channel(signal: NDArray[np.float64], words: str) -> None:
+    samples = muscle()
+    samples[:, 1] = signal
+    (text,) = looked_at(samples).now
+    assert text.startswith("ch2: ")
+    assert words in text
 
 
-def test_mains_in_all_channels_is_not_called_a_bridge() -> None:
-    samples = 0.05 * muscle() + 900 * np.sin(2 * np.pi * 50 * np.arange(2000) / RATE_HZ)[:, None]
-    assert not [words for words in looked_at(samples).now if "bridged" in words]
+def test_mains_of_60_hz_are_called_so_and_those_in_all_channels_no_bridge() -> None:
+    found = looked_at(muscle() + 300 * np.sin(2 * np.pi * 60 * T_S)[:, None]).now
+    assert all("60 Hz mains" in words for words in found)
+    assert not [w for w in looked_at(0.05 * muscle() + 900 * MAINS[:, None]).now if "bridged" in w]
 
 
-def test_bridged_electrodes_show_the_same_signal() -> None:
+def test_bridged_electrodes_show_the_same_signal_and_envelopes_that_rise_together_do_not() -> None:
     samples = muscle()
     samples[:, 2] = 0.5 * samples[:, 0] + 0.05 * samples[:, 1]
     assert looked_at(samples).now == ("ch1 and ch3: the same signal: electrodes bridged by gel or sweat",)
-
-
-def test_envelopes_that_rise_together_are_no_bridge() -> None:
-    effort = np.abs(np.sin(np.arange(2000) / RATE_HZ))[:, None] * [300.0, 250.0, 400.0]
+    effort = np.abs(np.sin(T_S))[:, None] * [300.0, 250.0, 400.0]
     assert looked_at(effort + np.random.default_rng(0).normal(0, 0.01, effort.shape)).now == ()
 
 
@@ -129,12 +125,7 @@ def test_swapped_electrodes() -> None:
     own = [[0.9, 0.2, 0.1], [0.3, 0.8, 0.3], [0.2, 0.1, 0.7]]
     assert swapped_channels(own, NAMES) == ""
     assert swapped_channels([own[1], own[0], own[2]], NAMES).startswith("ch1 and ch2 look swapped")
-    mixed = swapped_channels([own[1], own[2], own[0]], NAMES)
-    assert (
-        mixed
-        == "electrodes look mixed up: ch2 belongs where ch1 is, ch3 belongs where ch2 is, ch1 belongs where ch3 is"
-    )
-
-
-def test_muscles_that_work_together_are_not_called_swapped() -> None:
+    mixed = "ch2 belongs where ch1 is, ch3 belongs where ch2 is, ch1 belongs where ch3 is"
+    assert swapped_channels([own[1], own[2], own[0]], NAMES) == f"electrodes look mixed up: {mixed}"
+    # Muscles that work together.
     assert swapped_channels([[0.6, 0.65, 0.5], [0.6, 0.55, 0.5], [0.4, 0.5, 0.6]], NAMES) == ""

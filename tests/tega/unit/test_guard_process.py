@@ -1,18 +1,23 @@
-"""The guard of a device is lost just before the program closes the device: its successor is treated likewise."""
+"""A guard that is lost just before the program closes its device, and the start of the process that steers a hand."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import signal
+import subprocess
 from collections.abc import Callable, Iterator
+from io import BufferedReader, BufferedWriter
 from pathlib import Path
 
 import pytest
 
 from reference.processes import until
-from tega.devices.hand import guard_process
+from tega.devices.hand import guard_process, hand_ends
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.guard_process import GuardProcess
+from tega.errors import TegaError
+from tega.runtime import child_process
 
 # Says that it lets go by a file of its own number, and starts slowly once a first one has begun.
 GUARD = """
@@ -100,3 +105,33 @@ def test_a_guard_that_is_dismissed_while_it_is_replaced_leaves_no_process(
     until(one(tmp_path, "ended"))
     until(lambda: lost._process.returncode is not None)
     assert not list(tmp_path.glob("let-go-*"))
+
+
+_NO_PERSON = AllegroOptions(interface="slcan", channel="/dev/null", guard=False)
+
+
+def test_each_stage_of_the_start_is_told() -> None:
+    words = child_process.python_command("tega.devices.hand.hand_program")
+    process = subprocess.Popen(
+        words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=child_process.python_environment()
+    )
+    assert isinstance(process.stdin, BufferedWriter)
+    assert isinstance(process.stdout, BufferedReader)
+    try:
+        child_process.send_object(process.stdin, (_NO_PERSON, False))
+        assert [child_process.receive_object(process.stdout) for _ in range(2)] == [hand_ends.MAKES_READY] * 2
+        child_process.send_object(process.stdin, False)
+        assert isinstance(child_process.receive_object(process.stdout), TegaError)  # no such adapter
+    finally:
+        child_process.end_child(process, 5.0)
+        process.stdout.close()
+
+
+def test_one_that_says_nothing_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hand_ends, "_START_S", 0.3)
+    steers = hand_ends.HandProcess(_NO_PERSON, lambda _spoken, _news: None)
+    steers.warm_up()
+    os.kill(steers.pid, signal.SIGSTOP)
+    with pytest.raises(TegaError, match="did not start") as reported:
+        steers.open(whole=False)
+    assert reported.value.hint.startswith("it said nothing for 0.3 s")

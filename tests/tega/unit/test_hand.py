@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.hand import (
@@ -27,11 +26,6 @@ from tega.hand import (
 OPEN = CLOSURE_POSES_RAD[0]
 
 
-def run(start: int, goal: int, ticks: int = 1500) -> NDArray[np.float64]:
-    modelled = ModelledHand(model=JointModel(CLOSURE_POSES_RAD[start - 1]))
-    return np.array([modelled.step(goal)[0] for _ in range(ticks)])
-
-
 def test_constants_have_the_hands_shape_and_cannot_be_changed() -> None:
     assert CLOSURE_POSES_RAD.shape == (5, 16)
     assert JOINT_LIMITS_RAD.shape == (16, 2)
@@ -45,7 +39,9 @@ def test_constants_have_the_hands_shape_and_cannot_be_changed() -> None:
 @pytest.mark.parametrize("start", range(1, 6))
 @pytest.mark.parametrize("goal", range(1, 6))
 def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> None:
-    angles, pose, begin = run(start, goal), CLOSURE_POSES_RAD[goal - 1], CLOSURE_POSES_RAD[start - 1]
+    pose, begin = CLOSURE_POSES_RAD[goal - 1], CLOSURE_POSES_RAD[start - 1]
+    modelled = ModelledHand(model=JointModel(begin))
+    angles = np.array([modelled.step(goal)[0] for _ in range(1500)])
     np.testing.assert_allclose(angles[500:], np.broadcast_to(pose, (1000, 16)), rtol=0, atol=0.005)
     past = (angles - pose) * np.sign(pose - begin)
     past[:, 14] = 0  # thumb joint 2 turns back between the poses
@@ -74,23 +70,26 @@ def _seconds_to_half_a_level(
 def test_half_a_level_of_an_addition_is_in_the_targets_within_120_ms_where_a_move_takes_half_a_second() -> (
     None
 ):
-    fastest = 10.0
-    assert _seconds_to_half_a_level(fastest, lambda added: (3.0, added)) == pytest.approx(0.081)
-    assert _seconds_to_half_a_level(5.0, lambda added: (3.0, added)) == pytest.approx(0.111)
-    for rise in (5.0, fastest):
-        assert _seconds_to_half_a_level(rise, lambda added: (3.0 + added, 0.0)) == pytest.approx(
-            0.5, abs=0.02
-        )
+    for rise, seconds in ((10.0, 0.081), (5.0, 0.111)):
+        assert _seconds_to_half_a_level(rise, lambda added: (3.0, added)) == pytest.approx(seconds)
+        move_s = _seconds_to_half_a_level(rise, lambda added: (3.0 + added, 0.0))
+        assert move_s == pytest.approx(0.5, abs=0.02)
 
 
-def test_an_addition_that_is_out_of_range_gives_no_torque() -> None:
-    controller, out = HandController(), np.full(16, 9.0)
-    for added in (math.nan, math.inf, -0.01, MOST_ADDED_LEVELS + 0.01):
-        with pytest.raises(InvalidValueError, match="added"):
-            controller.step(OPEN, 3, added=added, out=out)
-        assert not out.any()
-        with pytest.raises(InvalidValueError, match="added"):
-            ModelledHand().step(3, added)
+@pytest.mark.parametrize(
+    ("level", "added", "says"),
+    [
+        *((level, 0.0, f"level = {level} ") for level in (0, 6, -1, 2**40)),
+        *((3, added, "added") for added in (math.nan, math.inf, -0.01, MOST_ADDED_LEVELS + 0.01)),
+    ],
+)
+def test_a_level_or_an_addition_out_of_range_gives_no_torque(level: int, added: float, says: str) -> None:
+    out = np.full(16, 9.0)
+    with pytest.raises(InvalidValueError, match=says):
+        HandController().step(OPEN, level, added=added, out=out)
+    assert not out.any()
+    with pytest.raises(InvalidValueError, match=says):
+        ModelledHand().step(level, added)
 
 
 def test_a_neighbour_takes_600_ms_and_the_whole_way_1200() -> None:
@@ -163,33 +162,29 @@ def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
     assert np.abs(controller.step(OPEN, 5)).max() <= 0.05
 
 
-@pytest.mark.parametrize("level", [0, 6, -1, 2**40])
-def test_a_level_outside_the_five_is_refused(level: int) -> None:
-    with pytest.raises(InvalidValueError, match=f"level = {level} "):
-        HandController().step(OPEN, level)
-    with pytest.raises(InvalidValueError, match=f"level = {level} "):
-        ModelledHand().step(level)
-
-
-def test_arrays_of_the_wrong_kind_are_refused() -> None:
-    controller, anything = HandController(), np.zeros(16, np.float32)
-    untyped: Any = anything
-    out = np.ones(16)
-    with pytest.raises(ShapeError, match=r"angles_rad has shape \(15,\), \(16,\) is needed"):
-        controller.step(OPEN[:15], 1, out=out)
-    assert out.tolist() == [0.0] * 16
-    with pytest.raises(DtypeError, match="angles_rad has dtype <U4"):
-        controller.step("open", 1)
-    with pytest.raises(ShapeError, match="angles_rad"):
-        controller.step([[1.0], [2.0, 3.0]], 1)
-    with pytest.raises(DtypeError, match="out is float32"):
-        controller.step(OPEN, 1, out=untyped)
-    with pytest.raises(ShapeError, match="out has shape"):
-        controller.step(OPEN, 1, out=np.zeros(17))
-    with pytest.raises(InvalidValueError, match="read-only"):
-        controller.step(OPEN, 1, out=OPEN)
-    with pytest.raises(InvalidValueError, match="velocities_rad_s of index_j0 = NaN"):
-        controller.step(OPEN, 1, velocities_rad_s=np.full(16, np.nan))
+@pytest.mark.parametrize(
+    ("angles", "more", "error", "says"),
+    [
+        (OPEN[:15], {"out": np.ones(16)}, ShapeError, r"angles_rad has shape \(15,\), \(16,\) is needed"),
+        ("open", {}, DtypeError, "angles_rad has dtype <U4"),
+        ([[1.0], [2.0, 3.0]], {}, ShapeError, "angles_rad"),
+        (OPEN, {"out": np.zeros(16, np.float32)}, DtypeError, "out is float32"),
+        (OPEN, {"out": np.zeros(17)}, ShapeError, "out has shape"),
+        (OPEN, {"out": OPEN}, InvalidValueError, "read-only"),
+        (
+            OPEN,
+            {"velocities_rad_s": np.full(16, np.nan)},
+            InvalidValueError,
+            "velocities_rad_s of index_j0 = NaN",
+        ),
+    ],
+)
+def test_arrays_of_the_wrong_kind_are_refused(
+    angles: Any, more: dict[str, Any], error: type[Exception], says: str
+) -> None:
+    with pytest.raises(error, match=says):
+        HandController().step(angles, 1, **more)
+    assert len(angles) != 15 or not more["out"].any()
 
 
 def test_poses_of_ones_own_are_checked_and_used() -> None:
@@ -238,12 +233,6 @@ def test_whatever_is_raised_no_torque_is_left_to_be_sent() -> None:
     assert not torques.any()
 
 
-def test_the_model_refuses_what_its_numbers_cannot_hold() -> None:
-    for wrong in ({"time_constant_s": 1e-320}, {"full_duty_speed_rad_s": 1e308}):
-        with pytest.raises(InvalidValueError, match="1e-6 to 1e6"):
-            JointModel(np.zeros(16), **wrong)
-
-
 def test_the_model_stops_at_the_stops_and_refuses_nan() -> None:
     model = JointModel(np.full(16, 2.9))
     np.testing.assert_array_equal(model.angles_rad, JOINT_LIMITS_RAD[:, 1] + 0.1)
@@ -254,8 +243,14 @@ def test_the_model_stops_at_the_stops_and_refuses_nan() -> None:
     with pytest.raises(InvalidValueError, match="torques of index_j0 = NaN"):
         model.step(np.full(16, np.nan))
     np.testing.assert_array_equal(model.angles_rad, angles)
-    with pytest.raises(InvalidValueError, match="time_constant_s"):
-        JointModel(time_constant_s=0)
+    wrongs: tuple[tuple[dict[str, float], str], ...] = (
+        ({"time_constant_s": 0}, "time_constant_s"),
+        ({"time_constant_s": 1e-320}, "1e-6 to 1e6"),
+        ({"full_duty_speed_rad_s": 1e308}, "1e-6 to 1e6"),
+    )
+    for wrong, says in wrongs:
+        with pytest.raises(InvalidValueError, match=says):
+            JointModel(np.zeros(16), **wrong)
     with pytest.raises(ShapeError, match="torques"):
         model.step([0.0])
 

@@ -115,11 +115,8 @@ def test_a_program_that_is_started_finds_nothing_in_the_working_folder(
     words = python_command("tega.ui.cli", "--version")
     done = subprocess.run(words, env=python_environment(), capture_output=True, text=True, check=True)
     assert done.stdout.startswith("tega ")
-    check = [
-        *words[:3],
-        words[3].partition("import runpy")[0] + "import can; print(can.__file__)",
-        *words[4:],
-    ]
+    program = words[3].partition("import runpy")[0] + "import can; print(can.__file__)"
+    check = [*words[:3], program, *words[4:]]
     found = subprocess.run(check, env=python_environment(), capture_output=True, text=True, check=True)
     assert tmp_path not in Path(found.stdout.strip()).parents
 
@@ -130,12 +127,8 @@ def test_a_hand_is_not_switched_on_without_a_guard(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr("tega.devices.hand.hand_loop.guard_hand", absent)
     with Emulator("allegro_port") as hand:
-        reported: list[object] = []
-        options, orders = patient(hand), HandOrders()
-        loop = HandLoop(options, orders, lambda *subject: reported.append(subject))
-        with pytest.raises(
-            DeviceUnavailableError, match="the process that lets go of the hand did not start"
-        ):
+        loop = HandLoop(patient(hand), HandOrders(), lambda *_: None)
+        with pytest.raises(DeviceUnavailableError, match="that lets go of the hand did not start"):
             loop.warm_up()
         assert hand.say("look")["torques"] == 0
         assert not hand.say("look")["servo_on"]

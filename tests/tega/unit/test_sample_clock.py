@@ -23,12 +23,10 @@ def test_bunched_arrivals_are_stamped_with_the_time_of_the_samples() -> None:
         late_ns = int(rng.uniform(0.1, 3.0) * MS)
         stamp = clock.take(4, k * 16 * MS + late_ns)
         errors.append(stamp.t_ns - k * 16 * MS)
-    settled = np.array(errors[100:])
-    assert (
-        settled.min() >= -0.3 * MS
-    )  # as far under the earliest arrivals as the fitted rate is off within a second
-    assert settled.max() <= 0.6 * MS
-    assert np.array(errors).max() <= 3 * MS
+    # As far under the earliest arrivals as the fitted rate is off within a second.
+    assert min(errors[100:]) >= -0.3 * MS
+    assert max(errors[100:]) <= 0.6 * MS
+    assert max(errors) <= 3 * MS
 
 
 def test_a_stamp_never_decreases_and_never_lies_in_the_future() -> None:
@@ -96,13 +94,6 @@ def test_what_comes_after_a_proof_is_stamped_at_the_rate_that_was_measured() -> 
         assert abs(clock.take(4, true_ns).t_ns - true_ns) < 1 * MS
 
 
-def test_before_two_tenths_of_a_second_no_rate_is_claimed() -> None:
-    clock = SampleClock(250.0)
-    for k in range(1, 12):
-        clock.take(4, k * 16 * MS)
-    assert clock.measured_hz is None
-
-
 def test_a_drifting_clock_is_followed() -> None:
     clock = SampleClock(250.0)
     for k in range(1, 4000):
@@ -143,6 +134,7 @@ def test_there_is_room_for_as_many_losses_as_time_has_passed() -> None:
     clock = SampleClock(250.0, counter_turn=256)
     for k in range(1, 200):
         clock.take(4, k * 16 * MS)
+        assert k > 11 or clock.measured_hz is None  # too little for a rate
     on_time_ns = 200 * 16 * MS
     assert clock.room(4, on_time_ns) <= 13
     assert 100 <= clock.room(4, on_time_ns + 400 * MS) <= 113

@@ -12,12 +12,6 @@ from tega import wire
 ALL_FINGERS = wire.HAND_FINGERS
 
 
-def counts_of(can_id: int, data: str) -> tuple[int, ...]:
-    message = wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data)))
-    assert isinstance(message, wire.AllegroPosition | wire.AllegroTorque)
-    return message.counts
-
-
 TAU = [0.10, -0.20, 0.05, -0.05, 0, 0.25, -0.10, 0.02, 0.01, 0.15, 0.125, -0.2, 0.3, -0.3, 0.2, -0.2]
 POSITIONS = {
     0x080: ("CAFD BDFE 90FF CEFF", (-566, -323, -112, -50), (-0.050240, -0.028671, -0.009941, -0.004438)),
@@ -25,8 +19,6 @@ POSITIONS = {
     0x088: ("1800 D3FE A7FF D6FF", (24, -301, -89, -42), (0.002130, -0.026718, -0.007900, -0.003728)),
     0x08C: ("340A EFFF AF00 FCFF", (2612, -17, 175, -4), (0.231849, -0.001509, 0.015534, -0.000355)),
 }
-HOME_RAD = [0, -0.17453, 0.78540, 0.78540, 0, -0.17453, 0.78540, 0.78540]
-HOME_RAD += [0.08727, -0.08727, 0.87266, 0.78540, 1.04720, 0.43633, 0.26180, 0.78540]
 
 
 @pytest.mark.parametrize(
@@ -45,11 +37,18 @@ def test_torque_frames(tau: list[float], wanted: list[str]) -> None:
     ]
 
 
-def test_captured_torque_frames() -> None:
-    assert counts_of(0x180, "0200 CB00 4200 2500") == (2, 203, 66, 37)
-    assert counts_of(0x184, "0100 B900 4A00 3300") == (1, 185, 74, 51)
-    assert counts_of(0x188, "F1FF C900 3800 1F00") == (-15, 201, 56, 31)
-    assert counts_of(0x18C, "5802 0500 8DFF FAFF") == (600, 5, -115, -6)
+@pytest.mark.parametrize(
+    ("can_id", "data", "counts"),
+    [
+        (0x180, "0200 CB00 4200 2500", (2, 203, 66, 37)),
+        (0x184, "0100 B900 4A00 3300", (1, 185, 74, 51)),
+        (0x188, "F1FF C900 3800 1F00", (-15, 201, 56, 31)),
+        (0x18C, "5802 0500 8DFF FAFF", (600, 5, -115, -6)),
+    ],
+)
+def test_captured_torque_frames(can_id: int, data: str, counts: tuple[int, int, int, int]) -> None:
+    message = wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data)))
+    assert message == wire.AllegroTorque(ALL_FINGERS[(can_id - 0x180) // 4], counts)
 
 
 @pytest.mark.parametrize("can_id", POSITIONS)
@@ -65,12 +64,8 @@ def test_captured_position_frames(can_id: int) -> None:
 def test_home_pose_as_position_frames() -> None:
     degrees = [0, -10, 45, 45, 0, -10, 45, 45, 5, -5, 50, 45, 60, 25, 15, 45]
     frames = wire.allegro_position_frames(np.radians(degrees))
-    assert [frame.data.hex() for frame in frames] == [
-        "000052f890229022",
-        "000052f890229022",
-        "d70329fc67269022",
-        "162e3413850b9022",
-    ]
+    data = ["000052f890229022", "000052f890229022", "d70329fc67269022", "162e3413850b9022"]
+    assert [frame.data.hex() for frame in frames] == data
     assert frames == wire.allegro_position_frames(np.radians(degrees), device_id=0)
     back = wire.allegro_angles_rad(np.concatenate([np.frombuffer(frame.data, "<i2") for frame in frames]))
     wanted = [0, -0.174508, 0.785376, 0.785376, 0, -0.174508, 0.785376, 0.785376]
@@ -120,14 +115,11 @@ def test_commands_and_requests() -> None:
     assert wire.allegro_set_period(3).data == bytes.fromhex("0300 0000 0000 0000")
     assert wire.allegro_set_period(3, 0, 500, 100).data == bytes.fromhex("0300 0000 F401 6400")
     assert wire.allegro_set_period(0).data == bytes(8)
-    for device, ids in {1: (0x101, 0x105, 0x201, 0x205), 3: (0x103, 0x107, 0x203, 0x207)}.items():
-        frames = (
-            wire.allegro_servo_on(device_id=device),
-            wire.allegro_servo_off(device_id=device),
-            wire.allegro_request_info(device_id=device),
-            wire.allegro_set_period(0, device_id=device),
-        )
-        assert tuple(frame.id for frame in frames) == ids
+    for device in (1, 3):
+        assert wire.allegro_servo_on(device_id=device).id == 0x100 + device
+        assert wire.allegro_servo_off(device_id=device).id == 0x104 + device
+        assert wire.allegro_request_info(device_id=device).id == 0x200 + device
+        assert wire.allegro_set_period(0, device_id=device).id == 0x204 + device
 
 
 def test_a_simulated_hand_reads_what_the_host_sends() -> None:
@@ -172,19 +164,19 @@ def test_version_five() -> None:
         (wire.CanFrame(-1, bytes(8)), {}, "extended"),
     ],
 )
-def test_what_is_not_for_us_has_a_reason(frame: wire.CanFrame, flags: dict[str, bool], reason: str) -> None:
-    message = wire.allegro_decode(
-        frame, extended=flags.get("extended", False), error=flags.get("error", False)
-    )
-    assert isinstance(message, wire.AllegroRejected)
-    assert message.reason == reason
+def test_what_is_not_for_us_has_a_reason(frame: wire.CanFrame, flags: dict[str, bool], reason: Any) -> None:
+    assert wire.allegro_decode(frame, **flags) == wire.AllegroRejected(reason)
 
 
-def test_messages_without_known_meaning_come_raw() -> None:
-    assert wire.allegro_decode(wire.CanFrame(0x040, b"\1\2")) == wire.AllegroStatus(b"\1\2")
-    assert wire.allegro_decode(wire.CanFrame(0x0C0, bytes.fromhex("0100 FFFF 0300"))) == wire.AllegroImu(
-        (1, -1, 3)
-    )
-    assert wire.allegro_decode(wire.CanFrame(0x1A0, bytes(6))) == wire.AllegroConfig(bytes(6))
-    assert wire.allegro_decode(wire.CanFrame(0x160, bytes(6))) == wire.AllegroConfig(bytes(6))
-    assert wire.allegro_decode(wire.CanFrame(0x384, bytes(8))) == wire.AllegroPose("middle", (0, 0, 0, 0))
+@pytest.mark.parametrize(
+    ("can_id", "data", "message"),
+    [
+        (0x040, "0102", wire.AllegroStatus(b"\1\2")),
+        (0x0C0, "0100 FFFF 0300", wire.AllegroImu((1, -1, 3))),
+        (0x1A0, "00" * 6, wire.AllegroConfig(bytes(6))),
+        (0x160, "00" * 6, wire.AllegroConfig(bytes(6))),
+        (0x384, "00" * 8, wire.AllegroPose("middle", (0, 0, 0, 0))),
+    ],
+)
+def test_messages_without_known_meaning_come_raw(can_id: int, data: str, message: object) -> None:
+    assert wire.allegro_decode(wire.CanFrame(can_id, bytes.fromhex(data))) == message
