@@ -1,4 +1,4 @@
-"""The arm's chain in use: a hand that can be moved, an arm that goes where it is asked or stays."""
+"""The arm's chain in use, on a hand that can be moved or an arm in a process of its own."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from typing import Any
 
 import numpy as np
 
-from tega.arm import ArmChain, ArmCommand, ArmSettings, LimitSettings, MappingSettings, Pose, StampedPose
+from tega.arm import (
+    ArmChain,
+    ArmCommand,
+    ArmSettings,
+    LimitSettings,
+    MappingSettings,
+    Pose,
+    PoseSource,
+    StampedPose,
+)
 from tega.arm import rotation as so3
 from tega.devices.base import TellingArm
 
@@ -32,6 +41,7 @@ class Bench:
         self.arm = Pose(MIDDLE, FORWARD)
         self.clutch = self.dead_man = self.tracker = self.link = True
         self.stuck = False
+        self.source: PoseSource | None = None  # in place of the hand
 
     def go(
         self, ms: int, *, dt_ms: int = 10, valid: bool = True, move: tuple[float, ...] = (0, 0, 0)
@@ -41,9 +51,10 @@ class Bench:
         for _ in range(n):
             self.now_ns += dt_ms * MS
             self.hand_m = self.hand_m + np.array(move) / n
+            hand = [StampedPose(self.now_ns, self.hand_m, self.turn, valid)] if self.tracker else []
             self.last = self.chain.step(
                 self.now_ns,
-                [StampedPose(self.now_ns, self.hand_m, self.turn, valid)] if self.tracker else [],
+                hand if self.source is None else self.source.read(self.now_ns),
                 clutch=self.clutch,
                 dead_man=self.dead_man,
                 measured=StampedPose(self.now_ns, *self.arm) if self.link else None,

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from numpy.typing import NDArray
 
 from tega.devices.base import EmgChunk
@@ -36,33 +37,16 @@ CASES = {
     "serial-emg": Case(
         "ascii_board",
         ("--rate", "500"),
-        lambda port, **o: SerialEmg(
-            SerialEmgOptions(**({"port": port, "rate_hz": 500.0, "bits": 10} | QUICK | o))
-        ),
+        lambda **o: SerialEmg(SerialEmgOptions(**({"rate_hz": 500.0, "bits": 10} | o))),
         lambda samples: samples - 512,
     ),
-    "cyton": Case(
-        "cyton",
-        (),
-        lambda port, **o: Cyton(CytonOptions(**({"port": port} | QUICK | o))),
-        lambda samples: samples / CYTON_STEP_UV,
-    ),
-    "chords": Case(
-        "chords",
-        (),
-        lambda port, **o: Chords(ChordsOptions(**({"port": port} | QUICK | o))),
-        lambda samples: samples - 2048,
-    ),
-    "spiker": Case(
-        "spiker",
-        (),
-        lambda port, **o: Spiker(SpikerOptions(**({"port": port} | QUICK | o))),
-        lambda samples: samples - 512,
-    ),
+    "cyton": Case("cyton", (), lambda **o: Cyton(CytonOptions(**o)), lambda samples: samples / CYTON_STEP_UV),
+    "chords": Case("chords", (), lambda **o: Chords(ChordsOptions(**o)), lambda samples: samples - 2048),
+    "spiker": Case("spiker", (), lambda **o: Spiker(SpikerOptions(**o)), lambda samples: samples - 512),
     "lsl-emg": Case(
         "lsl",
         (),
-        lambda port, **o: LslEmg(LslEmgOptions(**({"by": "source_id", "value": port} | QUICK | o))),
+        lambda port, **o: LslEmg(LslEmgOptions(by="source_id", value=port, **o)),
         lambda samples: samples,
     ),
 }
@@ -73,7 +57,13 @@ def emulator(name: str, *arguments: str) -> Emulator:
 
 
 def opened(name: str, device: Emulator, **options: Any) -> LiveEmg:
-    return CASES[name].make(device.port, **options)
+    return CASES[name].make(**({"port": device.port} | QUICK | options))
+
+
+def refused(text: str, name: str, *arguments: str, **options: Any) -> None:
+    """Open a board that an error has to name."""
+    with emulator(name, *arguments) as device, pytest.raises(DeviceUnavailableError, match=text):
+        opened(name, device, **options).open()
 
 
 def chunks_of(source: LiveEmg, n_samples: int) -> list[EmgChunk]:

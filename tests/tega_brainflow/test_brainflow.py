@@ -85,12 +85,10 @@ def test_brainflow_s_own_cyton_board_reads_the_emulated_one_as_our_driver_does()
             table = board.get_board_data()
         assert bytes.fromhex(device.say("heard")["heard"]).endswith(b"bs")
         rows = board.get_board_descr(board.board_id)
-        counts = table[rows["package_num_channel"]].astype(int)
-        assert np.array_equal(counts, np.arange(counts.size) % 256)
+        numbers = np.arange(table.shape[1])
+        assert np.array_equal(table[rows["package_num_channel"]], numbers % 256)
         theirs = steps_of(np.ascontiguousarray(table[rows["emg_channels"]].T))
-        assert np.array_equal(
-            theirs, (np.arange(counts.size)[:, np.newaxis] + 100 * np.arange(8)) % 1000 - 500
-        )
+        assert np.array_equal(theirs, (numbers[:, np.newaxis] + 100 * np.arange(8)) % 1000 - 500)
         with Cyton(CytonOptions(port=device.port, channels=tuple(range(1, 9)), measure_s=0.5)) as ours:
             assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
 
@@ -137,17 +135,14 @@ def source(**options: Any) -> BrainFlowEmg:
 
 def test_samples_of_the_chosen_channels_come_without_a_gap() -> None:
     with source(channels=(2, 5)) as board:
-        n, first = 0, board.read(1.0)
-        assert first is not None
-        at = first.first_index + len(first.samples)
+        n, at = 0, None
         while n < 250:
             chunk = board.read(1.0)
             assert chunk is not None
             assert chunk.samples.shape[1] == 2
-            assert chunk.first_index == at
-            at += len(chunk.samples)
+            assert chunk.first_index == (chunk.first_index if at is None else at)
+            at = chunk.first_index + len(chunk.samples)
             n += len(chunk.samples)
-            assert np.ptp(chunk.samples) >= 0
         assert board.info.rate_hz == 250.0
         assert board.info.channels == ("ch2", "ch5")
     with pytest.raises(DeviceUnavailableError, match="not open"):
@@ -157,27 +152,21 @@ def test_samples_of_the_chosen_channels_come_without_a_gap() -> None:
 def test_a_gap_of_the_counter_is_missing_samples() -> None:
     board = source()
     board._counter_row = 0
-    counts = np.array([[254.0, 255.0, 0.0, 3.0]])
-    missing = board._missing(counts)
-    assert missing is not None
-    assert missing.tolist() == [0, 0, 0, 2]
-    again = board._missing(np.array([[3.0, 5.0]]))
-    assert again is not None
-    assert again.tolist() == [255, 1]
+    for counts, missing in (([254.0, 255.0, 0.0, 3.0], [0, 0, 0, 2]), ([3.0, 5.0], [255, 1])):
+        found = board._missing(np.array([counts]))
+        assert found is not None
+        assert found.tolist() == missing
 
 
-WRONG = [
-    ({"board": "MINE"}, "no board is called 'MINE'.*CYTON_BOARD"),
-    (
-        {"board": "CYTON_BOARD", "serial_port": "/dev/nowhere"},
-        "CYTON_BOARD does not start: UNABLE_TO_OPEN_PORT",
-    ),
-    ({"board": "STREAMING_BOARD", "master_board": "MINE"}, "no board is called 'MINE'"),
-    ({"channels": (1, 17)}, r"has 16 channels, asked for \[1, 17\]"),
-]
-
-
-@pytest.mark.parametrize(("options", "text"), WRONG)
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"board": "MINE"}, "no board is called 'MINE'.*CYTON_BOARD"),
+        ({"board": "CYTON_BOARD", "serial_port": "/dev/nowhere"}, "does not start: UNABLE_TO_OPEN_PORT"),
+        ({"board": "STREAMING_BOARD", "master_board": "MINE"}, "no board is called 'MINE'"),
+        ({"channels": (1, 17)}, r"has 16 channels, asked for \[1, 17\]"),
+    ],
+)
 def test_opening_says_what_is_wrong(options: dict[str, Any], text: str) -> None:
     with pytest.raises(DeviceUnavailableError, match=text):
         source(**options).open()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import math
 import threading
@@ -22,15 +21,11 @@ from tega_openxr.tracker import OpenXr
 
 pytestmark = pytest.mark.slow
 
-needs_xr = pytest.mark.skipif(
-    importlib.util.find_spec("xr") is None, reason="needs pyopenxr: pip install 'tega[openxr]'"
-)
+xr = pytest.importorskip("xr", reason="needs pyopenxr: pip install 'tega[openxr]'")
 
 
 @pytest.fixture
 def service() -> Iterator[Emulator]:
-    if importlib.util.find_spec("xr") is None:
-        pytest.skip("needs pyopenxr: pip install 'tega[openxr]'")
     if reason := why_no_runtime():
         pytest.skip(reason)
     with openxr_runtime() as emulator:
@@ -181,9 +176,26 @@ def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, text
         assert f"restarted 1 times; last reason: TEGA's {text}" in tracker.info.notes[-1]
 
 
-def test_a_service_that_does_not_answer_is_told(service: Emulator) -> None:
+def test_a_headset_that_sleeps_keeps_the_session_from_beginning(service: Emulator) -> None:
+    service.say("asleep")
+    text = r"no session after 0\.5 s: .*(idle|does not answer|begun)"
+    with pytest.raises(DeviceUnavailableError, match=text):
+        opened(connect_s=0.5).open()
+    service.say("awake")
     with opened() as tracker:
         some(tracker)
+
+
+def test_a_controller_that_is_off_and_a_service_that_does_not_answer_are_told(service: Emulator) -> None:
+    service.say("off")
+    with opened() as tracker:
+        some(tracker, valid=False)
+        off = "openxr: the runtime has no right controller: is it switched on?"
+        until(tracker, lambda _: tracker.problem == off)
+        service.say("on")
+        some(tracker)
+        until(tracker, lambda _: tracker.problem == "")
+        assert "the runtime calls it khr/simple_controller" in tracker.info.notes
         service.say("freeze")
         until(tracker, lambda _: "has not answered for" in tracker.problem)
         service.say("clear")
@@ -191,37 +203,11 @@ def test_a_service_that_does_not_answer_is_told(service: Emulator) -> None:
         until(tracker, lambda _: tracker.problem == "")
 
 
-def test_a_headset_that_sleeps_keeps_the_session_from_beginning(service: Emulator) -> None:
-    service.say("asleep")
-    with pytest.raises(
-        DeviceUnavailableError, match=r"no session after 0\.5 s: .*(idle|does not answer|begun)"
-    ):
-        opened(connect_s=0.5).open()
-    service.say("awake")
-    with opened() as tracker:
-        some(tracker)
-
-
-def test_a_controller_that_is_off_is_told(service: Emulator) -> None:
-    service.say("off")
-    with opened() as tracker:
-        some(tracker, valid=False)
-        until(
-            tracker,
-            lambda _: tracker.problem == "openxr: the runtime has no right controller: is it switched on?",
-        )
-        service.say("on")
-        some(tracker)
-        until(tracker, lambda _: tracker.problem == "")
-        assert "the runtime calls it khr/simple_controller" in tracker.info.notes
-
-
 def test_a_runtime_that_never_brings_the_session_into_focus_is_told(service: Emulator) -> None:
     service.say("stuck")
+    text = "not brought it into focus; one that never does is too old"
     with opened() as tracker:
-        until(
-            tracker, lambda _: "not brought it into focus; one that never does is too old" in tracker.problem
-        )
+        until(tracker, lambda _: text in tracker.problem)
         assert tracker.read(0) == []
 
 
@@ -240,7 +226,6 @@ def test_it_leaves_as_a_runtime_wants_it_and_no_thread_is_left(service: Emulator
 def test_its_calls_are_what_openxr_s_own_validation_layer_allows(
     service: Emulator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    xr = importlib.import_module("xr")
     layer = "XR_APILAYER_LUNARG_core_validation"
     if layer not in {p.layer_name.decode() for p in xr.enumerate_api_layer_properties()}:
         pytest.skip(f"pyopenxr brings no {layer} for this machine")
@@ -288,22 +273,18 @@ def test_what_a_runtime_cannot_do_is_said(
             opened().open()
 
 
-@needs_xr
 def test_without_a_runtime_it_is_said_where_one_is_looked_for(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
-    file = tmp_path / "runtime.json"
-    monkeypatch.setenv("XR_RUNTIME_JSON", str(file))
-    with pytest.raises(
-        DeviceUnavailableError, match=r"XR_RUNTIME_JSON names .*runtime\.json, which does not exist"
-    ):
-        opened().open()
     runtime = {"library_path": str(tmp_path / "nothing.so")}
-    file.write_text(json.dumps({"file_format_version": "1.0.0", "runtime": runtime}))
-    with pytest.raises(DeviceUnavailableError, match="which does not load"):
-        opened().open()
-    monkeypatch.delenv("XR_RUNTIME_JSON")
-    with pytest.raises(DeviceUnavailableError, match=r"no OpenXR runtime: .*(Monado|active_runtime)"):
-        opened().open()
+    (tmp_path / "there.json").write_text(json.dumps({"file_format_version": "1.0.0", "runtime": runtime}))
+    for file, text in (
+        ("none.json", r"XR_RUNTIME_JSON names .*none\.json, which does not exist"),
+        ("there.json", "which does not load"),
+        ("", r"no OpenXR runtime: .*(Monado|active_runtime)"),
+    ):
+        monkeypatch.setenv("XR_RUNTIME_JSON", str(tmp_path / file) if file else "")
+        with pytest.raises(DeviceUnavailableError, match=text):
+            opened().open()
     assert [t.name for t in threading.enumerate() if t.name == "tega-openxr"] == []

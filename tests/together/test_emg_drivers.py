@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from reference.emg_boards import CASES, PATIENCE_S, chunks_of, emulator, error_of, opened, phases
+from reference.emg_boards import CASES, PATIENCE_S, chunks_of, emulator, error_of, opened, phases, refused
 from tega.devices.emg import live_emg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import DeviceUnavailableError, SampleRateError
@@ -16,10 +16,8 @@ from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.slow
 COUNTED = ("cyton", "chords")
-TRANSPORTS = (
-    "cyton",
-    "lsl-emg",
-)  # silence and loss are told by the port or the network, whatever the board is
+# Silence and loss are told by the port or the network, whatever the board is.
+TRANSPORTS = ("cyton", "lsl-emg")
 
 
 @pytest.mark.parametrize("name", sorted(CASES))
@@ -117,19 +115,15 @@ def test_a_source_slower_than_it_should_be_is_refused(name: str) -> None:
             source.open()
 
 
-def test_a_source_that_becomes_slow_is_given_up() -> None:
-    with emulator("serial-emg") as device, opened("serial-emg", device) as source:
-        device.say("slow 0.3")
-        error = error_of(source)
+def test_a_source_that_becomes_slow_is_given_up_and_one_that_is_said_to_be_is_not_measured() -> None:
+    with emulator("serial-emg") as device:
+        with pytest.raises(SampleRateError, match="is said to send 20 samples/s; the 50 Hz filter needs 125"):
+            opened("serial-emg", device, rate_hz=20.0).open()
+        with opened("serial-emg", device) as source:
+            device.say("slow 0.3")
+            error = error_of(source)
     assert isinstance(error, SampleRateError)
     assert "500 were expected" in error.message or "needs 125" in error.message
-
-
-def test_a_board_that_says_itself_that_it_is_too_slow_is_not_measured() -> None:
-    with emulator("serial-emg") as device:
-        source = opened("serial-emg", device, rate_hz=20.0)
-        with pytest.raises(SampleRateError, match="is said to send 20 samples/s; the 50 Hz filter needs 125"):
-            source.open()
 
 
 def test_signal_faults_reach_the_notes_in_plain_words() -> None:
@@ -154,14 +148,8 @@ def assert_last_heard(device: Emulator, command: bytes) -> None:
 
 @pytest.mark.parametrize(("name", "stop"), [("cyton", b"s"), ("chords", b"STOP\n")])
 def test_the_stream_is_off_after_every_way_out(name: str, stop: bytes) -> None:
-    code = (
-        "import sys\n"
-        f"from tega.devices import driver_class\n"
-        f"driver = driver_class({name!r})\n"
-        "source = driver(driver.options_type(port=sys.argv[1], measure_s=0.3))\n"
-        "source.open()\n"
-        "sys.exit(3)\n"
-    )
+    code = f"import sys\nfrom tega.devices import driver_class\ndriver = driver_class({name!r})\n"
+    code += "driver(driver.options_type(port=sys.argv[1], measure_s=0.3)).open()\nsys.exit(3)\n"
     with emulator(name) as device:
         with opened(name, device):
             pass
@@ -187,12 +175,8 @@ def test_a_board_left_streaming_by_a_crash_is_silenced_first() -> None:
 
 
 def test_a_wrong_baud_rate_is_suspected() -> None:
-    with emulator("serial-emg", "--baud", "57600") as device:
-        source = opened("serial-emg", device, start_s=1.0)
-        with pytest.raises(
-            DeviceUnavailableError, match=r"no valid sample for 1 s; .*check power, cable and baud"
-        ):
-            source.open()
+    text = r"no valid sample for 1 s; .*check power, cable and baud"
+    refused(text, "serial-emg", "--baud", "57600", start_s=1.0)
 
 
 def test_ports_that_do_not_open_say_why() -> None:
@@ -209,7 +193,4 @@ def test_ports_that_do_not_open_say_why() -> None:
 def test_opening_on_a_machine_that_is_never_still_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(live_emg, "_LOOKED_AWAY_S", 0.0)
     monkeypatch.setattr(live_emg, "_MOST_MEASURING_S", 0.1)
-    with Emulator("ascii_board", "--rate", "500") as board:
-        options = SerialEmgOptions(port=board.port, rate_hz=500.0, bits=10, measure_s=0.25, start_s=0.2)
-        with pytest.raises(DeviceUnavailableError, match=r"too busy for .* s to measure the sample rate"):
-            SerialEmg(options).open()
+    refused(r"too busy for .* s to measure the sample rate", "serial-emg", start_s=0.2)

@@ -1,4 +1,4 @@
-"""The arm in ``doctor``, in ``init`` and on displays."""
+"""The arm in settings, in ``doctor``, in ``init`` and on displays."""
 
 from __future__ import annotations
 
@@ -12,8 +12,12 @@ from rich.console import Console
 
 from tega.arm.messages import Health
 from tega.config import check_tree, load_config
+from tega.devices.input.spacemouse import SpaceMouse
+from tega.errors import ConfigError
+from tega.loop import run_session
 from tega.loop.arm_records import ArmView
 from tega.loop.snapshot import LoopView
+from tega.recording.replay.play import _settings
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.ui.cli.main import main
 from tega.ui.view.browser.state_html import arm_html
@@ -124,3 +128,46 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
     ended = arm_html(_snapshot(seen)._replace(state="stopped"))
     assert "led no more" in ended
     assert "HOLDING" not in ended
+
+
+_HELD = ("input.dead_man.driver=spacemouse", "input.dead_man.options.silent_after_ms=1000")
+_LED = ("input.motion.driver=spacemouse", "arm.mapping.frame=base", "arm.mapping.absolute=true")
+_TRACKED = ("arm.tracker.driver=hololens", "arm.tracker.options.host=h", "arm.mapping.frame=base")
+
+
+@pytest.mark.parametrize(
+    ("sets", "text"),
+    [
+        (_HELD, "nothing leads it"),
+        (_HELD + _LED, "absolute is for programs"),
+        ((), "no dead-man switch is set"),
+        (("session.pace=fast",), "an arm moves in real time"),
+        (_HELD + _TRACKED, "set arm.mapping.frame = 'openxr'"),
+    ],
+)
+def test_settings_of_an_arm_that_do_not_fit_are_said_in_words(
+    sets: tuple[str, ...], text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(SpaceMouse, "open", lambda _self: None)
+    config = load_config(None, environ={}, sets=["arm.driver=simulated-arm", *sets]).config
+    with pytest.raises(ConfigError, match=text):
+        run_session(config)
+
+
+def test_a_recording_that_is_played_moves_no_arm() -> None:
+    then = load_config(None, environ={}, sets=["arm.driver=simulated-arm"]).config
+    assert then.arm is not None
+    assert _settings(then, then, speed=1.0, vest_pace="steady").arm is None
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "text"),
+    [
+        ("arm.limits.low_m", "[0.8, -0.4, 0.0]", "workspace's x goes from 0.8 to 0.7 m"),
+        ("arm.options.speed", "1", "did you mean 'speed_m_s'"),
+        ("arm.tracker.driver", "spacemouse", "kind 'input', not 'tracker'"),
+    ],
+)
+def test_a_wrong_setting_of_the_arm_is_named(key: str, value: str, text: str) -> None:
+    with pytest.raises(ConfigError, match=text):
+        load_config(None, environ={}, sets=["arm.driver=simulated-arm", f"{key}={value}"])

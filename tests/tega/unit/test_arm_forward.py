@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -110,18 +110,6 @@ def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
         take_heading(crooked, guide)
 
 
-class _Answering(LineGuide):
-    """A person who goes on at once and gives one answer."""
-
-    def __init__(self, answer: str) -> None:
-        super().__init__(yes=True, get_ready_s=0.0)
-        self.answer = answer
-
-    def ask(self, _question: str, answers: Mapping[str, str]) -> str:
-        assert self.answer in answers
-        return self.answer
-
-
 @pytest.mark.parametrize(
     ("answer", "headings_rad", "found_rad"),
     [
@@ -129,23 +117,21 @@ class _Answering(LineGuide):
         ("l", (), 1.5708),
         ("t", (), 3.1415),
         ("r", (), -1.5708),
+        ("", (), 1.0),  # nobody answers: as the settings have it
         # Shown by a movement, and the tracker's forward is 0.4 rad off the operator's.
         ("s", (0.4 + 2.5,), 2.5),
         ("s", (0.4 - 3.0,), -3.0),
     ],
 )
 def test_which_way_the_base_points_is_asked_or_shown(
-    answer: str, headings_rad: tuple[float, ...], found_rad: float
+    answer: str, headings_rad: tuple[float, ...], found_rad: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     displayed: Any = _Scripted(*headings_rad)
-    found = take_base_yaw(displayed, _Answering(answer), yaw_rad=0.4, reported_rad=1.0)
-    assert found == pytest.approx(found_rad, abs=1e-3)
-
-
-def test_where_nobody_answers_the_settings_say_which_way_the_base_points() -> None:
-    nobody: Any = _Scripted()
     guide = LineGuide(yes=True, get_ready_s=0.0)
-    assert take_base_yaw(nobody, guide, yaw_rad=0.4, reported_rad=1.0) == 1.0
+    if answer:
+        monkeypatch.setattr(guide, "ask", lambda _question, answers: answers[answer] and answer)
+    found = take_base_yaw(displayed, guide, yaw_rad=0.4, reported_rad=1.0)
+    assert found == pytest.approx(found_rad, abs=1e-3)
 
 
 def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:

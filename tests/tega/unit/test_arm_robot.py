@@ -18,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from reference.arm_bench import Led
+from reference.processes import until
 from tega.arm import ArmCommand, Pose, StampedPose
 from tega.arm.messages import ArmTargetWords
 from tega.arm.rotation import between
@@ -27,11 +28,11 @@ from tega.devices.arm.robot.leash import Leash
 from tega.devices.arm.robot.process import Slew
 from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
+from tega.runtime.child_process import is_running
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")
 
 _MS = 1_000_000
-_PATIENCE_S = 60.0
 _TURN = (0.0, 0.0, 0.0, 1.0)
 
 
@@ -172,13 +173,7 @@ def test_the_arm_goes_where_the_forearm_goes(arm: SimulatedArm) -> None:
 def test_a_run_that_says_nothing_leaves_the_arm_at_rest(arm: SimulatedArm) -> None:
     led = Led(arm)
     led.hold()
-    end_s = time.monotonic() + _PATIENCE_S
-    phases = []
-    while arm.phase != "ready" and time.monotonic() < end_s:
-        arm.measured()
-        phases.append(arm.phase)
-        time.sleep(0.02)
-    assert arm.phase == "ready"
+    until(lambda: arm.measured() is not None and arm.phase == "ready")
     assert arm._reported is not None
     assert arm._reported.reason == "no command for more than 1000 ms"
     # It is led again only after a new hold.
@@ -219,28 +214,11 @@ def test_the_arm_s_process_does_not_outlive_the_run() -> None:
         pid = int(run.stdout.readline())
         run.kill()
         run.wait()
-    end_s = time.monotonic() + _PATIENCE_S
-    while _runs(pid):
-        assert time.monotonic() < end_s
-        time.sleep(0.05)
-
-
-def _runs(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    # A process whose parent was killed may wait to be buried by a first process that does not bury.
-    try:
-        with open(f"/proc/{pid}/stat", encoding="ascii") as file:  # noqa: PTH123
-            return file.read().rpartition(") ")[2][0] != "Z"
-    except OSError:
-        return False
+    until(lambda: not is_running(pid, "tega.devices.arm.robot.process"))
 
 
 @pytest.mark.slow
-def test_whatever_the_run_asks_the_arm_goes_no_faster_than_its_own_limit(arm: SimulatedArm) -> None:
-    arm.close()
+def test_whatever_the_run_asks_the_arm_goes_no_faster_than_its_own_limit() -> None:
     with SimulatedArm(SimulatedArmOptions(speed_m_s=0.1)) as slow:
         goal = Pose(np.array([0.5, 0.4, 0.3]), np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]))
         seen: list[StampedPose] = []

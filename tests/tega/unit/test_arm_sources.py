@@ -1,43 +1,37 @@
-"""Where poses come from: files, scripts, keys, devices of speeds."""
+"""Where poses come from, the way from their axes to the robot's, and the calibration that finds it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from tega.arm import ArmChain, ArmSettings, LimitSettings, MappingSettings, Pose, PoseSource, StampedPose
+from reference.arm_bench import FORWARD, MIDDLE, MS, Bench
+from tega.arm import MappingSettings, Pose, PoseSource, StampedPose, check_forward, yaw_from_sweep
 from tega.arm import rotation as so3
+from tega.arm.frames import ToBase
 from tega.devices.base import InputReading
 from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses
-from tega.errors import RecordingError
+from tega.errors import CalibrationError, RecordingError
 from tega_emulators.scripted_poses import ScriptedPoses, Waypoint, path_through, write_poses
 
-MS = 1_000_000
 HEAD = "t_s,x_m,y_m,z_m,qx,qy,qz,qw\n"
-START = Pose(np.array([0.5, 0.0, 0.3]), so3.exp(np.array([0, math.pi / 2, 0])))
 
 
 def steer(source: PoseSource, ms: int) -> Pose:
-    """Run a chain in the base's axes on a source with an arm that obeys; return where it ends."""
-    chain = ArmChain(
-        ArmSettings(mapping=MappingSettings(frame="base"), limits=LimitSettings(ahead_m=10, ahead_rad=3))
-    )
-    arm = START
-    for n in range(ms // 10):
-        now_ns = 7_000 * MS + n * 10 * MS
-        command = chain.step(
-            now_ns, source.read(now_ns), clutch=n > 1, dead_man=True, measured=StampedPose(now_ns, *arm)
-        )
-        arm = command.target or arm
-    return arm
+    """Return where an arm that obeys ends."""
+    bench = Bench()
+    bench.source = source
+    bench.take_hold().go(ms)
+    return bench.arm
 
 
 def test_a_recording_comes_back_as_it_was_written(tmp_path: Path) -> None:
-    path = path_through([Waypoint(0, START), Waypoint(1, Pose(START.position_m + 0.1, so3.IDENTITY))])
+    path = path_through([Waypoint(0, Pose(MIDDLE, FORWARD)), Waypoint(1, Pose(MIDDLE + 0.1, so3.IDENTITY))])
     source = ScriptedPoses(path, noise_m=0.001, noise_rad=0.01)
     poses = [*source.read(0), *source.read(500 * MS), StampedPose(600 * MS, [1, 2, 3], [0, 0, 0, 1], False)]
     write_poses(tmp_path / "hand.csv", poses)
@@ -89,12 +83,12 @@ def held(motion: tuple[float, ...], *, live: bool = True) -> Callable[[], InputR
 
 
 def test_a_deflected_cap_moves_the_arm_at_the_speed_of_its_deflection() -> None:
-    arm = steer(RatePoses(held((1, 0, -0.5, 0, 0, 0))), 1020)
-    route = arm.position_m - START.position_m
+    arm = steer(RatePoses(held((1, 0, -0.5, 0, 0, 0))), 1000)
+    route = arm.position_m - MIDDLE
     assert route[0] == pytest.approx(0.15, abs=0.02)
     assert route[2] == pytest.approx(-0.15 / 8, abs=0.003)
-    turned = steer(RatePoses(held((0, 0, 0, 0, 0, 1))), 1020)
-    assert so3.between(START[1], turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.08)
+    turned = steer(RatePoses(held((0, 0, 0, 0, 0, 1))), 1000)
+    assert so3.between(FORWARD, turned.quaternion_xyzw)[2] == pytest.approx(0.6, abs=0.08)
 
 
 def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
@@ -104,3 +98,96 @@ def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
     assert source.read(5_000 * MS)[0].position_m[0] == 0
     assert source.read(5_010 * MS)[0].position_m[0] == pytest.approx(0.0015)
     assert source.read(5_010 * MS + 10) == ()
+
+
+@pytest.mark.parametrize(
+    ("frame", "forward", "left", "up"),
+    [
+        ("openxr", (0, 0, -1), (-1, 0, 0), (0, 1, 0)),
+        ("unity", (0, 0, 1), (-1, 0, 0), (0, 1, 0)),
+        ("ros", (1, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ],
+)
+def test_unit_vectors_of_each_frame(frame: Any, forward: Any, left: Any, up: Any) -> None:
+    to_base = ToBase(MappingSettings(frame=frame))
+    for there, here in zip((forward, left, up), np.eye(3), strict=True):
+        assert to_base(StampedPose(0, there, (0, 0, 0, 1))).position_m.tolist() == here.tolist()
+    # A turn about "up" from forward towards left: right-handed in the base, whatever the tracker's hand is.
+    sign = -1 if frame == "unity" else 1
+    q = so3.exp(sign * 0.4 * np.array(up, float))
+    turned = to_base(StampedPose(0, (0, 0, 0), q)).quaternion_xyzw
+    np.testing.assert_allclose(so3.log(turned), [0, 0, 0.4], atol=1e-12)
+
+
+def test_a_left_forearm_on_a_right_hand_is_mirrored() -> None:
+    left = ToBase(MappingSettings(frame="base", forearm="left"))
+    place, q = left(StampedPose(0, (0.1, 0.2, 0.3), so3.exp(np.array([0.1, 0.2, 0.3]))))
+    assert place.tolist() == [0.1, -0.2, 0.3]
+    np.testing.assert_allclose(so3.log(q), [-0.1, 0.2, -0.3], atol=1e-12)
+    both = ToBase(MappingSettings(frame="base", forearm="left", robot_hand="left"))
+    assert both.matrix.tolist() == np.eye(3).tolist()
+
+
+def sweep(direction: Any, n: int = 30) -> np.ndarray:
+    noise = np.random.default_rng(1).normal(0, 0.001, (n, 3))
+    along = np.array(direction) / np.linalg.norm(direction)
+    places: np.ndarray = np.outer(np.linspace(0, 0.2, n), along) + noise
+    return places
+
+
+@pytest.mark.parametrize("frame", ["openxr", "unity", "base"])
+def test_after_calibration_forward_is_forward(frame: Any) -> None:
+    direction = {"base": (0.3, 0.9, 0.1)}.get(frame, (0.6, 0.1, -0.7))
+    yaw = yaw_from_sweep(sweep(direction), frame=frame)
+    assert check_forward(sweep(direction), frame=frame, yaw_rad=yaw).ok
+    bench = Bench(frame=frame, yaw_rad=yaw).take_hold()
+    bench.go(1000, move=tuple(0.1 * np.array(direction) / np.linalg.norm(direction)))
+    bench.go(3000)
+    assert bench.away_m[0] == pytest.approx(0.1, abs=0.002)
+    assert bench.away_m[1] == pytest.approx(0, abs=0.002)
+
+
+@pytest.mark.parametrize(
+    ("frame", "degrees", "mirror"),
+    [("openxr", 0, True), ("base", 90, False), ("openxr", 180, True), ("base", -90, False)],
+)
+def test_forward_goes_away_from_the_operator_however_the_base_stands(
+    frame: Any, degrees: int, mirror: bool
+) -> None:
+    """The room's axes are the operator's: forward, left, up. The base is turned about the vertical in them."""
+    base_yaw = math.radians(degrees) * 0.9999  # half a turn is the limit of the setting
+    c, s = math.cos(base_yaw), math.sin(base_yaw)
+    base_in_room = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    ways = {"openxr": ((0, 0, -0.1), (-0.1, 0, 0)), "base": ((0.1, 0, 0), (0, 0.1, 0))}[frame]
+    for route, room in zip(ways, ((0.1, 0, 0), (0, -0.1 if mirror else 0.1, 0)), strict=True):
+        bench = Bench(frame=frame, base_yaw_rad=base_yaw, mirror=mirror).take_hold()
+        bench.go(1000, move=route)
+        bench.go(1500)
+        assert (base_in_room @ bench.away_m).tolist() == pytest.approx(room, abs=0.002)
+    # A turn from forward to the left is one in the room as well, and the other way round where it is mirrored.
+    to_base = ToBase(MappingSettings(frame=frame, base_yaw_rad=base_yaw, mirror=mirror))
+    q = so3.exp(np.array([0, 0.4, 0.0] if frame == "openxr" else [0, 0, 0.4]))
+    turn = so3.log(to_base(StampedPose(0, (0, 0, 0), q)).quaternion_xyzw)
+    np.testing.assert_allclose(turn, [0, 0, -0.4 if mirror else 0.4], atol=1e-12)
+
+
+def test_a_wrong_calibration_is_seen() -> None:
+    left = check_forward(sweep((0, 0, -1)), frame="openxr", yaw_rad=-math.pi / 2)
+    assert left.words == "forward came out 90° to the left; calibrate again"
+    assert not check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).ok
+    assert "backward" in check_forward(sweep((0, 0, 1)), frame="openxr", yaw_rad=0).words
+    assert "too little" in check_forward(0.1 * sweep((0, 0, -1)), frame="openxr", yaw_rad=0).words
+
+
+@pytest.mark.parametrize(
+    ("places", "says"),
+    [
+        ([[0, 0, 0]], "no movement"),
+        ([[0, 0, 0], [0, 0, -0.05]], "5 cm, which is too little"),
+        ([[0, 0, 0], [0.1, 0, -0.1], [0, 0, -0.2]], "strayed by 10 cm"),
+        ([[0, 0, 0], [0, 0.2, -0.2]], "rose by 45°"),
+    ],
+)
+def test_a_sweep_that_says_nothing_is_refused(places: Any, says: str) -> None:
+    with pytest.raises(CalibrationError, match=says):
+        yaw_from_sweep(places, frame="openxr")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import pytest
 from hypothesis import given
@@ -124,35 +124,24 @@ def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -
 
 
 @pytest.mark.slow
-def test_a_connection_that_says_nothing_is_dropped_and_made_anew(headset: Emulator) -> None:
+@pytest.mark.parametrize(
+    ("fault", "end", "noticed", "problem"),
+    [
+        ("freeze", "clear", lambda lens: lens.counts.silent >= 2, "nothing came for 0.3 s, connecting again"),
+        ("cut", "clear", lambda lens: lens.counts.broken > 0, ""),
+        ("odd-size", "clear", lambda lens: lens.counts.broken > 0, ""),
+        ("hide", "show", lambda lens: "cannot be reached" in lens.problem, ""),
+    ],
+)
+def test_a_connection_that_fails_is_made_anew(
+    headset: Emulator, fault: str, end: str, noticed: Callable[[HoloLens], bool], problem: str
+) -> None:
     with opened(headset, silent_s=0.3) as lens:
         some(lens)
-        headset.say("freeze")
-        until(lens, lambda _: lens.counts.silent >= 2)
-        assert "nothing came for 0.3 s, connecting again" in lens.problem
-        headset.say("clear")
-        some(lens)
-        assert lens.problem == ""
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("fault", ["cut", "odd-size"])
-def test_a_stream_out_of_step_is_dropped_and_made_anew(headset: Emulator, fault: str) -> None:
-    with opened(headset) as lens:
-        some(lens)
         headset.say(fault)
-        until(lens, lambda _: lens.counts.broken > 0)
-        headset.say("clear")
-        some(lens)
-
-
-@pytest.mark.slow
-def test_a_headset_that_goes_and_comes_is_found_again(headset: Emulator) -> None:
-    with opened(headset) as lens:
-        some(lens)
-        headset.say("hide")
-        until(lens, lambda _: "cannot be reached" in lens.problem)
-        headset.say("show")
+        until(lens, lambda _: noticed(lens))
+        assert problem in lens.problem
+        headset.say(end)
         some(lens)
         assert lens.problem == ""
         assert any("reconnected" in note for note in lens.info.notes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -90,40 +91,30 @@ def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(
     )
 
 
-@pytest.fixture
-def _kept_vest(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert isinstance(KeptVest(VestOptions()), BudgetedVest)
-    monkeypatch.setattr(
-        "tega.loop.worn_vest.driver_class", lambda _name, _kind: lambda _o: KeptVest(VestOptions())
-    )
-
-
-def _files(folder: Path) -> tuple[Path, Path, Path]:
-    people = [folder / "people" / person / "vest-dose.json" for person in ("p01", "p02")]
-    return people[0], people[1], folder / NAMELESS
-
-
-@pytest.mark.usefixtures("_kept_vest")
 @pytest.mark.parametrize(
     ("first", "second", "refused"),
     [(0, 0, True), (0, 1, False), (0, 2, True), (2, 0, True), (2, 2, True), (1, 0, False)],
 )
-def test_a_wearer_is_one_program_s(first: int, second: int, refused: bool, tmp_path: Path) -> None:
+def test_a_wearer_is_one_program_s(
+    first: int, second: int, refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Persons p01 and p02, and one without a name, who may be either."""
-    files = _files(tmp_path)
-    for file in files[:2]:
-        with worn_vest(VestConfig(driver="wire-vest"), file):
+    assert isinstance(KeptVest(VestOptions()), BudgetedVest)
+    monkeypatch.setattr("tega.loop.worn_vest.driver_class", lambda *_: lambda _o: KeptVest(VestOptions()))
+    wearers = [tmp_path / "people" / name / "vest-dose.json" for name in ("p01", "p02")] + [
+        tmp_path / NAMELESS
+    ]
+
+    def wear(n: int) -> AbstractContextManager[object]:
+        return worn_vest(VestConfig(driver="wire-vest"), wearers[n])
+
+    for n in (0, 1):
+        with wear(n):
             pass
-    with worn_vest(VestConfig(driver="wire-vest"), files[first]):
-        if not refused:
-            with worn_vest(VestConfig(driver="wire-vest"), files[second]):
-                return
-        with (
-            pytest.raises(DeviceUnavailableError, match="is in use by another program"),
-            worn_vest(VestConfig(driver="wire-vest"), files[second]),
-        ):
-            pass
-    with worn_vest(VestConfig(driver="wire-vest"), files[second]):
+    in_use = pytest.raises(DeviceUnavailableError, match="is in use by another program")
+    with wear(first), in_use if refused else nullcontext(), wear(second):
+        pass
+    with wear(second):
         pass  # free again
 
 
