@@ -98,7 +98,6 @@ class Led:
         raise AssertionError((self.command, self.arm.phase, self.arm.problem, self.arm.measured()))
 
     def go_on(self, turns: int, *, clutch: bool = True) -> None:
-        """Go on for so many turns."""
         done = iter(range(turns))
         self.until(lambda: next(done, None) is None, clutch=clutch)
 

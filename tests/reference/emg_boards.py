@@ -78,7 +78,6 @@ def chunks_of(source: LiveEmg, n_samples: int) -> list[EmgChunk]:
 
 
 def error_of(source: LiveEmg) -> DeviceUnavailableError:
-    """Read until it raises."""
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         try:

@@ -127,7 +127,6 @@ def _wav(path: Path, samples: Samples) -> None:
 
 
 def xdf_header(name: str, kind: str, n: int, *, rate_hz: float = RATE_HZ, form: str = "double64") -> str:
-    """Return a stream's header of an XDF file."""
     channels = "".join(
         f"<channel><label>ch{k}</label><unit>microvolts</unit></channel>" for k in range(1, n + 1)
     )
@@ -226,7 +225,6 @@ WRITERS: Final[dict[str, Writer]] = {
 
 
 def content_of(kind: str, folder: Path, samples: Samples) -> bytes:
-    """Return the bytes of a file of samples."""
     path = folder / WRITERS[kind].name
     WRITERS[kind].write(path, samples)
     return path.read_bytes()

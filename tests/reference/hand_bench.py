@@ -29,13 +29,11 @@ def driver(hand: Emulator, **options: Any) -> Allegro:
 
 
 def limp(hand: Emulator) -> bool:
-    """Whether no motor pushes."""
     state = hand.say("look")
     return not state["servo_on"] and not any(state["duties"])
 
 
 def pushes(hand: Emulator) -> bool:
-    """Whether the motors are on and push."""
     state = hand.say("look")
     return bool(state["servo_on"] and any(state["duties"]))
 

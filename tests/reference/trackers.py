@@ -21,7 +21,6 @@ class LiveTracker(Tracker, Protocol):
 
 
 def until(tracker: LiveTracker, enough: Callable[[list[StampedPose]], bool]) -> list[StampedPose]:
-    """Read poses until there are enough; return them."""
     poses: list[StampedPose] = []
     # Counted, not timed: a machine that stands still for a while is no failure.
     for _ in range(5000):
@@ -47,7 +46,6 @@ class Steered:
         self.reasons: list[str] = []
 
     def until(self, enough: Callable[[ArmCommand], bool], *, clutch: bool = True) -> ArmCommand:
-        """Go on at about 100 Hz until a command is such."""
         for _ in range(6000):
             now_ns = time.monotonic_ns()
             command = self.chain.step(
@@ -67,12 +65,10 @@ class Steered:
         raise AssertionError((command.state, command.reason, self.tracker.problem))
 
     def hold(self) -> None:
-        """Take hold of the arm."""
         self.until(lambda c: c.reason == "the clutch is open", clutch=False)
         self.until(lambda c: c.state == "following")
 
     def travel_m(self, start: StampedPose) -> float:
-        """Return how far the arm is from where it was."""
         return math.dist(list(start.position_m), list(self.at.position_m))
 
 

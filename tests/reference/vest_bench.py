@@ -48,7 +48,6 @@ class Bench(NamedTuple):
         self.wait(lambda: bool(self.vest.write(0, frame)) and condition())
 
     def wait(self, condition: Callable[[], bool]) -> None:
-        """Wait until something holds."""
         for _ in range(3000):
             if condition():
                 return

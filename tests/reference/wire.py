@@ -25,13 +25,11 @@ def torque_counts_exact(tau: float, joint: int) -> Fraction:
 
 
 def round_half_away(value: Fraction) -> int:
-    """Round to nearest, halves away from zero."""
     magnitude = math.floor(abs(value) + Fraction(1, 2))
     return magnitude if value >= 0 else -magnitude
 
 
 def torque_frame(finger: int, counts: Sequence[int], device: int = 0) -> tuple[int, bytes]:
-    """Return identifier and payload of SET TORQUE."""
     return (0x60 + finger) << 2 | device, struct.pack("<4h", *counts)
 
 
@@ -41,7 +39,6 @@ def level(intensity: int) -> int:
 
 
 def slots(*, front_mirror: bool) -> list[int]:
-    """Return the slot of each of the forty motors."""
     front = [FRONT_SLOTS[4 * (i // 4) + 3 - i % 4] for i in range(20)] if front_mirror else FRONT_SLOTS
     return front + BACK_SLOTS
 
@@ -55,7 +52,6 @@ def ble_frame(intensities: Sequence[int], *, front_mirror: bool = False) -> byte
 
 
 def x16_levels(frame: bytes) -> list[int]:
-    """Return what an X16 makes of a frame."""
     digits = [int(digit, 16) for digit in frame.hex()]
     groups = [[0, 2] if head % 10 in {0, 1} else [0, 2, 4] for head in X16_HEADS]
     return [max(digits[head + step] for step in group) for head, group in zip(X16_HEADS, groups, strict=True)]
@@ -90,25 +86,21 @@ def player_v2_message(intensities: Sequence[int], duration_ms: int, keys: dict[s
 
 
 def hid_report(head: bytes, body: bytes = b"") -> bytes:
-    """Return a report with its checksum."""
     report = (head + body).ljust(60, b"\0")
     return report + struct.pack("<I", zlib.crc32(report))
 
 
 def hid_motor_report(levels: Sequence[int], sequence: int, ttl_ms: int, *, request_status: bool) -> bytes:
-    """Return a motor report."""
     layout = {40: 0, 32: 1}[len(levels)]
     flags = 0x12 if request_status else 0x10
     return hid_report(struct.pack("<BBHHBB", 1, flags, sequence, ttl_ms, layout, len(levels)), bytes(levels))
 
 
 def cyton_counts(packet: bytes) -> list[int]:
-    """Return a packet's eight channels."""
     return [int.from_bytes(packet[at : at + 3], "big", signed=True) for at in range(2, 26, 3)]
 
 
 def cyton_microvolts(counts: int, gain: int) -> Fraction:
-    """Return exact microvolts."""
     return Fraction(counts * 4_500_000, gain * (2**23 - 1))
 
 
@@ -168,12 +160,10 @@ def frames(
 
 
 def cyton_packets(stream: bytes) -> tuple[list[bytes], int]:
-    """Find Cyton packets in a whole stream."""
     return frames(stream, 33, b"\xa0", 1, range(0xC0, 0xC7))
 
 
 def chords_packets(stream: bytes, channels: int) -> tuple[list[bytes], int]:
-    """Find Chords packets in a whole stream."""
     return frames(stream, 2 * channels + 4, b"\xc7\x7c", 2, range(1, 2))
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +18,8 @@ from tega.config import check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader, Message
+from tega.runtime.child_process import python_command
+from tega_emulators import process
 from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.process import Emulator
 from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
@@ -33,45 +33,15 @@ CLOCK_AHEAD_S = 1000
 SAME_S = 1e-6
 
 
-def started(words: list[str]) -> bool:
-    return subprocess.run(words, check=False, capture_output=True).returncode == 0
-
-
 def other_clock() -> list[str]:
     """Words that start a program whose monotonic clock is far ahead of ours; nothing where that cannot be."""
     words = ["unshare", "-T", "--monotonic", str(CLOCK_AHEAD_S), "--fork"]
-    if shutil.which("unshare") is None or not started([*words, "true"]):
-        return []
-    return words
-
-
-class Peer:
-    """Another program, perhaps with a clock of its own."""
-
-    def __init__(self, process: subprocess.Popen[str]) -> None:
-        self._process = process
-        self.name = self._receive()["port"]
-
-    def say(self, line: str) -> dict[str, Any]:
-        assert self._process.stdin is not None
-        self._process.stdin.write(line + "\n")
-        self._process.stdin.flush()
-        return self._receive()
-
-    def _receive(self) -> dict[str, Any]:
-        assert self._process.stdout is not None
-        sentence: dict[str, Any] = json.loads(self._process.stdout.readline())
-        return sentence
-
-
-@contextmanager
-def peer(before: list[str]) -> Iterator[Peer]:
-    words = [*before, sys.executable, "-m", "tega_emulators.lsl_markers"]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-        try:
-            yield Peer(process)
-        finally:
-            process.communicate("quit\n", timeout=60)
+    there = shutil.which("unshare") is not None
+    return (
+        words
+        if there and not subprocess.run([*words, "true"], check=False, capture_output=True).returncode
+        else []
+    )
 
 
 def tree(folder: Path, **markers: str) -> dict[str, Any]:
@@ -90,13 +60,8 @@ def running(settings: dict[str, Any]) -> Iterator[dict[str, Any]]:
     config = check_tree(settings, {}, base=Path.cwd()).config
 
     def run() -> None:
-        summary.update(
-            run_session(
-                config,
-                controls=Controls(stop=over.is_set),
-                bus=observed(on_state=lambda _change: begun.set()),
-            )
-        )
+        bus = observed(on_state=lambda _change: begun.set())
+        summary.update(run_session(config, controls=Controls(stop=over.is_set), bus=bus))
 
     thread = threading.Thread(target=run)
     thread.start()
@@ -114,12 +79,15 @@ def marked(file: Path, topic: str) -> tuple[list[Message], dict[str, dict[str, s
 
 
 @pytest.mark.parametrize("ahead", [False, True], ids=["same clock", "another clock"])
-def test_markers_of_another_process_are_recorded_when_they_were_set(tmp_path: Path, ahead: bool) -> None:
+def test_markers_of_another_process_are_recorded_when_they_were_set(
+    tmp_path: Path, ahead: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
     before = other_clock() if ahead else []
     if ahead and not before:
         pytest.skip("no clock of its own for a process here (unshare --time)")
+    monkeypatch.setattr(process, "python_command", lambda *words: [*before, *python_command(*words)])
     offset_s = CLOCK_AHEAD_S if ahead else 0
-    with peer(before) as other, running(tree(tmp_path, lsl_in=other.name)) as summary:
+    with Emulator("lsl_markers") as other, running(tree(tmp_path, lsl_in=other.port)) as summary:
         # The run listens from here on; it has not yet compared the clocks, which takes two thirds of a second.
         until(lambda: bool(other.say("mark warm-up")["consumers"]))
         then = {name: other.say(f"mark {name}")["at_s"] for name in ("one", "two", "three")}
@@ -134,15 +102,15 @@ def test_markers_of_another_process_are_recorded_when_they_were_set(tmp_path: Pa
         assert start_s + found[name].t_ns / 1e9 == pytest.approx(at_s + found[name].correction_s, abs=SAME_S)
         # LSL compares the clocks by messages to and fro: how well is a matter of the machine and its other work.
         assert found[name].correction_s == pytest.approx(-offset_s, abs=1.0)
-        assert found[name].source == f"lsl:{other.name}"
+        assert found[name].source == f"lsl:{other.port}"
     assert summary["markers"]["in"]["heard"] == len(messages)
     assert summary["markers"]["in"]["clock_correction_s"] in {found[name].correction_s for name in then}
 
 
 def test_markers_that_came_before_the_end_are_heard_though_the_clocks_are_still_compared() -> None:
     received: list[ReceivedMarker] = []
-    with peer([]) as other:
-        listening = LslMarkersIn(other.name, received.append)
+    with Emulator("lsl_markers") as other:
+        listening = LslMarkersIn(other.port, received.append)
         until(lambda: bool(other.say("mark warm-up")["consumers"]))
         other.say("mark last")
         listening.close()
@@ -155,7 +123,7 @@ def test_another_process_hears_states_trials_faults_and_pedals_when_they_happene
     with (
         Emulator("hid_input", "--device", "pedal-keyboard") as pedal,
         HidPort(HidBoard(pedal.port, 0x0C45, 0x7403)).installed(),
-        peer([]) as other,
+        Emulator("lsl_markers") as other,
     ):
         settings = tree(tmp_path, lsl_out="tega-test-run", lsl_in="nobody-there")
         settings["input"] = {"marker": {"driver": "pedal"}}
@@ -182,7 +150,6 @@ def test_another_process_hears_states_trials_faults_and_pedals_when_they_happene
     assert "state:active" in [text for _, text in received]
     assert stopped - start_s == pytest.approx(states[-1].value.t_ns / 1e9, abs=SAME_S)
     assert summary["markers"]["out"]["sent"] >= 6
-    assert (
-        summary["markers"]["in"]["problem"] == "markers: no stream called 'nobody-there' on the network yet"
-    )
-    assert summary["markers"]["in"]["problem"] in summary["safety"]["alerts"]
+    problem = "markers: no stream called 'nobody-there' on the network yet"
+    assert summary["markers"]["in"]["problem"] == problem
+    assert problem in summary["safety"]["alerts"]

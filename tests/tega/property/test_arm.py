@@ -31,9 +31,6 @@ FORWARD = Rotation.from_euler("y", 90, degrees=True).as_quat()  # the tool's axi
 BASE = MappingSettings(frame="base")
 
 
-# Following.
-
-
 limit_sets = st.builds(
     LimitSettings,
     tilt_rad=st.sampled_from([0.1, 1.0, 1.5]),
@@ -95,8 +92,6 @@ def test_the_cone_s_closed_form_sees_what_small_steps_see(q, v, tilt) -> None:
     moved = turn_between(inside.quaternion_xyzw, q)
     assert moved == pytest.approx(max(0.0, workspace.tilt_rad(q) - tilt), abs=1e-7)
 
-
-# The whole chain.
 
 FAULTS = (
     "nan", "infinite", "long", "zero", "jump", "spin", "invalid", "old", "future", "fingers", "same", "back", "far",
@@ -255,9 +250,8 @@ def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> No
             if command.target is not None:
                 np.testing.assert_allclose(command.target.position_m, start.position_m, atol=1e-12)
                 assert turn_between(command.target.quaternion_xyzw, FORWARD) < 1e-9
-                measured_m = start.position_m - np.array(
-                    [0, 0, sag_m]
-                )  # a spring sags, and is not followed down
+                # A spring sags, and is not followed down.
+                measured_m = start.position_m - np.array([0, 0, sag_m])
     assert command.engagements == 3
     assert held == 27
 

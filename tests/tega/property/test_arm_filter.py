@@ -15,8 +15,6 @@ from tega.arm.frames import OneEuro, ToBase
 from tega.arm.gate import PoseGate
 from tega.arm.motion import closing_speed
 
-# Rotations against SciPy.
-
 
 @given(a=quaternions, b=quaternions, v=vectors)
 def test_rotations_are_those_of_scipy(a, b, v) -> None:
@@ -51,9 +49,6 @@ def test_the_logarithm_goes_on_past_half_a_turn(axis, total) -> None:
         np.testing.assert_allclose(last, axis * angle, atol=1e-9)
 
 
-# Frames.
-
-
 @pytest.mark.parametrize("frame", sorted(FRAMES))
 @given(q=quaternions, yaw=st.floats(-3.1, 3.1), base=st.floats(-3.1, 3.1), mirror=st.booleans(), v=vectors)
 @settings(max_examples=10)
@@ -65,8 +60,6 @@ def test_axes_change_as_m_r_mt(frame, q, yaw, base, mirror, v) -> None:
     np.testing.assert_allclose(so3.to_matrix(turn), m @ r @ m.T, atol=1e-12)
     np.testing.assert_allclose(m @ m.T, np.eye(3), atol=1e-12)
 
-
-# One-Euro.
 
 steps_s = st.lists(st.floats(1e-3, 0.2), min_size=1, max_size=40)
 

@@ -42,7 +42,6 @@ def framed(draw: st.DrawFn, header: bytes, end: int, length: int) -> bytes:
 
 
 def chunks(stream: bytes, sizes: list[int]) -> list[bytes]:
-    """Cut a stream at any places."""
     ends = [min(end, len(stream)) for end in np.cumsum([0, *sizes, len(stream)]).tolist()]
     return [stream[a:b] for a, b in pairwise(ends)]
 

@@ -46,7 +46,6 @@ def _reach(steered: Allegro, level: int, added: float = 0.0) -> None:
 
 
 def _error_of(steered: Allegro) -> DeviceUnavailableError:
-    """Steer until that is refused."""
     for _ in range(6000):
         try:
             steered.step(5)

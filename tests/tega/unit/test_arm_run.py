@@ -11,6 +11,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partialmethod
+from io import StringIO
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -19,6 +21,7 @@ import pytest
 from rich.console import Console
 
 from reference.parts import observed
+from reference.processes import begun_by
 from tega.arm import StampedPose
 from tega.config import check_tree
 from tega.loop import LoopView, run_session
@@ -77,11 +80,6 @@ class Run:
     def arm(self) -> str:
         return "" if self.view is None else self.view.arm
 
-    def reach(self) -> float:
-        """Where the arm's hand is along x."""
-        seen = None if self.view is None else self.view.seen_arm
-        return -math.inf if seen is None or seen.hand_m is None else seen.hand_m[0]
-
     @property
     def alerts(self) -> str:
         return "" if self.view is None else "; ".join(self.view.alerts)
@@ -111,19 +109,15 @@ class Run:
         self.starts("idle")
 
     def starts(self, *words: str) -> None:
-        """Wait until the arm's line starts with one of the words."""
         self.until(lambda: self.arm.startswith(words))
 
-    def press(self, *buttons: int) -> None:
+    def press(self, *buttons: int, how: str = "press") -> None:
         for button in buttons:
-            self.lab.cap.say(f"press {button}")
+            self.lab.cap.say(f"{how} {button}")
 
-    def lift(self, *buttons: int) -> None:
-        for button in buttons:
-            self.lab.cap.say(f"lift {button}")
+    lift = partialmethod(press, how="lift")
 
     def hold(self) -> None:
-        """Take hold of the arm."""
         self.lift(_DEAD_MAN, _CLUTCH)
         self.starts("idle: the clutch is open")
         self.press(_DEAD_MAN, _CLUTCH)
@@ -176,9 +170,8 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
     assert text["ended"] == "the run has ended"
     assert "arm: simulated: a hand of 1 kg on a damped spring, no robot" in run.summary["notes"]
     assert run.view is not None
-    console = Console(width=120, record=True, file=open(os.devnull, "w", encoding="utf-8"))  # noqa: PTH123, SIM115
+    console = Console(width=120, record=True, file=StringIO())
     console.print(render(run.view, title="", rates_hz={}))
-    console.file.close()
     assert "arm   idle: the clutch is open" in console.export_text()
 
 
@@ -204,22 +197,11 @@ def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp
 
 @pytest.mark.slow
 @pytest.mark.raises("arm")
-def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tega.devices.arm.simulated_arm import SimulatedArm
-
-    pids: list[int] = []
-    opened = SimulatedArm.open
-
-    def open_and_tell(arm: SimulatedArm) -> None:
-        opened(arm)
-        pids.append(arm.pid())
-
-    monkeypatch.setattr(SimulatedArm, "open", open_and_tell)
+def test_an_arm_whose_process_is_killed_stops_and_the_run_goes_on(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         run.hold()
-        os.kill(pids[0], signal.SIGKILL)
+        (pid,) = begun_by(os.getpid(), "tega.devices.arm.robot.process")
+        os.kill(pid, signal.SIGKILL)
         run.starts("stopped: simulated-arm: the arm's process has ended (-9)")
         run.until(lambda: "has ended" in run.alerts)
         assert "no program controls the arm: use its switch if it moves" in run.alerts

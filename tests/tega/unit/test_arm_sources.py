@@ -23,7 +23,6 @@ HEAD = "t_s,x_m,y_m,z_m,qx,qy,qz,qw\n"
 
 
 def steer(source: PoseSource, ms: int) -> Pose:
-    """Return where an arm that obeys ends."""
     bench = Bench()
     bench.source = source
     bench.take_hold().go(ms)

@@ -85,7 +85,6 @@ def test_show_and_measure_print_json() -> None:
 
 
 def numbers(one: ET.Element, name: str) -> list[float]:
-    """Return the numbers of an attribute."""
     return [float(word) for word in one.attrib[name].split()]
 
 

@@ -60,7 +60,6 @@ class Slept:
 
     @contextmanager
     def steering(self) -> Iterator[threading.Thread]:
-        """Have the hand closed."""
         self.loop.warm_up()
         self.loop.open()
         self.orders.take(5.0, 0.0)

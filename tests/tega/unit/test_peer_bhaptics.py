@@ -18,7 +18,6 @@ PORT = 15882  # the client asks for no other
 
 @pytest.fixture
 def client(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return the client's module."""
     folder = os.environ.get("TEGA_BHAPTICS")
     if not folder:
         pytest.skip(

@@ -7,7 +7,7 @@ import gc
 import threading
 import time
 import tracemalloc
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -16,6 +16,7 @@ import pytest
 
 pytest.importorskip("websockets", reason="needs the extra lab")
 
+from reference.processes import until
 from tega.devices.vest.player_link import PlayerLink
 from tega.devices.vest.player_versions import PlayerOptions
 from tega.errors import DeviceUnavailableError
@@ -25,8 +26,8 @@ TEXT = bytes([0x81, 2]) + b"{}"
 
 
 @contextmanager
-def player(piece: bytes, reads: Callable[[], bool]) -> Iterator[tuple[int, threading.Event]]:
-    """Serve one client: greet it as a websocket, and once told send the same piece for ever."""
+def flooded(piece: bytes, *, reads: bool) -> Iterator[PlayerLink]:
+    """Connect to a server that greets, and then sends the same piece for ever."""
     from websockets.asyncio.server import serve
 
     go, over = threading.Event(), threading.Event()
@@ -36,7 +37,7 @@ def player(piece: bytes, reads: Callable[[], bool]) -> Iterator[tuple[int, threa
         while not go.is_set() and not over.is_set():
             await asyncio.sleep(0.01)
         transport = connection.transport
-        if not reads():
+        if not reads:
             transport.pause_reading()
         while not over.is_set() and not transport.is_closing():
             if transport.get_write_buffer_size() < 1 << 20:
@@ -53,13 +54,14 @@ def player(piece: bytes, reads: Callable[[], bool]) -> Iterator[tuple[int, threa
 
     thread = threading.Thread(target=lambda: asyncio.run(run()), daemon=True)
     thread.start()
-    until_s = time.monotonic() + 30
-    while not port:
-        assert time.monotonic() < until_s
-        time.sleep(0.01)
+    until(lambda: bool(port))
+    link = PlayerLink(PlayerOptions(host="127.0.0.1", port=port[0], version="2", require_vest=False))
+    link.connect()
+    go.set()
     try:
-        yield port[0], go
+        yield link
     finally:
+        link.close()
         over.set()
         thread.join(10)
         gc.collect()
@@ -80,34 +82,23 @@ def driven(link: PlayerLink, seconds: float) -> str:
 
 @pytest.mark.slow
 def test_a_flood_of_pings_from_a_player_that_reads_nothing_ends_the_link() -> None:
-    with player(PING, lambda: False) as (port, go):
-        link = PlayerLink(PlayerOptions(host="127.0.0.1", port=port, version="2", require_vest=False))
-        link.connect()
+    with flooded(PING, reads=False) as link:
+        tracemalloc.start()
         try:
-            go.set()
-            tracemalloc.start()
             text = driven(link, 20.0)
             _, peak_bytes = tracemalloc.get_traced_memory()
         finally:
             tracemalloc.stop()
-            link.close()
     assert "it takes nothing any more" in text
     assert peak_bytes < 8 << 20
 
 
 @pytest.mark.slow
 def test_a_flood_of_messages_leaves_time_for_frames() -> None:
-    with player(TEXT, lambda: True) as (port, go):
-        link = PlayerLink(PlayerOptions(host="127.0.0.1", port=port, version="2", require_vest=False))
-        link.connect()
-        try:
-            go.set()
-            time.sleep(0.2)
-            begun_s, n = time.monotonic(), 0
-            while n < 50:
-                link.poll()
-                n += 1
-            taken_s = time.monotonic() - begun_s
-        finally:
-            link.close()
+    with flooded(TEXT, reads=True) as link:
+        time.sleep(0.2)
+        begun_s = time.monotonic()
+        for _ in range(50):
+            link.poll()
+        taken_s = time.monotonic() - begun_s
     assert taken_s < 30.0  # without a bound the first of them never ends
