@@ -136,7 +136,6 @@ class OutsideDecoder(Decoder):
                 self._closure, self._confidence, self._stamp_s = closure, confidence, at_s
 
     def _connected(self) -> tuple[Any, ClockCorrection]:
-        """Find the stream, connect to it and compare the clocks."""
         o, lsl = self._options, self._lsl
         hints = (
             "start the other program first, or set stages.decoder.options.stream to its stream",

@@ -104,7 +104,6 @@ class LslStreams:
             self.n_pushed[name] = self.n_pushed.get(name, 0) + len(rows)
 
     def _outlet(self, name: str, record: Record) -> tuple[Any, int]:
-        """Announce a stream with the names and units of its channels."""
         lsl, labels = self._lsl, _labels(record)
         rate_hz = self._emg_hz if isinstance(record, EmgSamples) else lsl.IRREGULAR_RATE
         info = lsl.StreamInfo(

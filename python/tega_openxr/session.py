@@ -344,5 +344,4 @@ class XrSession:
 
 
 def _as(event: Any, kind: Any) -> Any:
-    """Read an event as its actual type."""
     return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents

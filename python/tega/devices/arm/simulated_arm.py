@@ -31,12 +31,12 @@ class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
 
 
 class SimulatedArm(ProcessArm):
-    """A hand of 1 kg on a damped spring; see :class:`tega.devices.arm.simulated_arm.SpringBody`."""
+    """A hand of 1 kg on a damped spring."""
 
     name: ClassVar[str] = "simulated-arm"
     summary: ClassVar[str] = "simulated: a hand on a damped spring, in a process of its own"
     options_type: ClassVar[type[Options]] = SimulatedArmOptions
-    body: ClassVar[str] = "tega.devices.arm.simulated_arm:SpringBody"
+    body: ClassVar[str] = "tega.devices.arm.simulated_arm:_SpringBody"
 
     @classmethod
     def harmless(cls, options: SimulatedArmOptions) -> SimulatedArmOptions:
@@ -51,7 +51,7 @@ _STEP_S = 1e-3
 _CLIP_M, _CLIP_RAD = 0.03, 0.2
 
 
-class SpringBody(RobotBody):
+class _SpringBody(RobotBody):
     """Simulated: x'' = K clip(target - x) - 2 sqrt(K) x', the same for turns; no gravity, joints or walls.
 
     ``place_m`` and ``turn_xyzw`` of ``options`` are the pose at the start.
@@ -67,11 +67,9 @@ class SpringBody(RobotBody):
         self._t_s = time.monotonic()
 
     def open(self) -> None:
-        """Begin at rest."""
         self._t_s = time.monotonic()
 
     def observe(self) -> HandSeen:
-        """Let the time pass that has passed, and return where the hand is."""
         now_s = time.monotonic()
         steps = min(int((now_s - self._t_s) / _STEP_S), 1000)
         self._t_s = max(self._t_s + steps * _STEP_S, now_s - _STEP_S)
@@ -91,7 +89,6 @@ class SpringBody(RobotBody):
         return HandSeen(time.monotonic_ns(), (x, y, z), (qx, qy, qz, qw))
 
     def begin(self) -> None:
-        """Begin to follow."""
         self._target = (self._x.copy(), self._q.copy())
 
     def lead(
@@ -101,20 +98,16 @@ class SpringBody(RobotBody):
         velocity_m_s: Triple,  # noqa: ARG002  # its damping is against rest, as without the robot's feed-forward
         velocity_rad_s: Triple,  # noqa: ARG002
     ) -> None:
-        """Give the arm its next target."""
         self._target = (np.array(place), unit(np.array(turn)))
 
     def rest(self) -> None:
-        """Come to rest without the spring."""
         self._target = None
 
     @property
     def in_control(self) -> bool:
-        """Whether the arm follows."""
         return self._target is not None
 
     def close(self) -> None:
-        """End."""
         self._target = None
 
 

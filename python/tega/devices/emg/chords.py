@@ -11,7 +11,7 @@ import itertools
 import re
 import time
 from collections.abc import Mapping
-from typing import Annotated, ClassVar, NamedTuple
+from typing import Annotated, ClassVar
 
 import msgspec
 import numpy as np
@@ -35,28 +35,23 @@ _ANSWER_S = 1.6
 _SILENCE_S = 1.2
 
 
-class _Board(NamedTuple):
-    rate_hz: float
-    bits: int
-
-
-# As the vendor's readers list them; the channel count is read off the stream, since one name can have two. Where the
-# two readers differ (STM32G4: 250 and 500 Hz), no rate stands here and it is measured.
+# Rate in Hz and bits, as the vendor's readers list them; channels are counted in the stream, since one name can have two
+# numbers of them. Where the two readers differ (STM32G4: 250 and 500 Hz), no rate stands here and it is measured.
 _BOARDS = {
-    "ESP32-S3": _Board(250.0, 12),
-    "GENUINO-UNO": _Board(250.0, 10),
-    "GIGA-R1": _Board(500.0, 16),
-    "MEGA-2560-CLONE": _Board(250.0, 10),
-    "MEGA-2560-R3": _Board(250.0, 10),
-    "NANO-CLASSIC": _Board(250.0, 10),
-    "NANO-CLONE": _Board(250.0, 10),
-    "NPG-LITE": _Board(500.0, 12),
-    "RPI-PICO-RP2040": _Board(500.0, 12),
-    "STM32F4-BLACK-PILL": _Board(500.0, 12),
-    "STM32G4-CORE-BOARD": _Board(0.0, 12),
-    "UNO-CLONE": _Board(250.0, 10),
-    "UNO-R3": _Board(250.0, 10),
-    "UNO-R4": _Board(500.0, 14),
+    "ESP32-S3": (250.0, 12),
+    "GENUINO-UNO": (250.0, 10),
+    "GIGA-R1": (500.0, 16),
+    "MEGA-2560-CLONE": (250.0, 10),
+    "MEGA-2560-R3": (250.0, 10),
+    "NANO-CLASSIC": (250.0, 10),
+    "NANO-CLONE": (250.0, 10),
+    "NPG-LITE": (500.0, 12),
+    "RPI-PICO-RP2040": (500.0, 12),
+    "STM32F4-BLACK-PILL": (500.0, 12),
+    "STM32G4-CORE-BOARD": (0.0, 12),
+    "UNO-CLONE": (250.0, 10),
+    "UNO-R3": (250.0, 10),
+    "UNO-R4": (500.0, 14),
 }
 
 
@@ -92,7 +87,7 @@ class Chords(LiveSerialEmg):
 
     def __init__(self, options: ChordsOptions) -> None:
         super().__init__(options)
-        self._describe(_Board(0.0, 0))
+        self._describe(0.0, 0)
         self._board_name = ""
 
     def _start(self) -> None:
@@ -104,7 +99,7 @@ class Chords(LiveSerialEmg):
                 f"chords: the board says it is {self._board_name!r}, which is not known here",
                 f"set rate_hz and bits in its options; known: {', '.join(_BOARDS)}",
             )
-        self._describe(known or _Board(0.0, 0))
+        self._describe(*known or (0.0, 0))
         port.write(b"START\n")
         data, deadline = b"", time.monotonic() + o.start_s
         while (n_channels := chords_channels(data) if len(data) >= _PROBE_BYTES else None) is None:
@@ -118,10 +113,10 @@ class Chords(LiveSerialEmg):
         self._n_channels = n_channels
         self._decoder, self._waiting = ChordsDecoder(n_channels), data
 
-    def _describe(self, known: _Board) -> None:
+    def _describe(self, known_hz: float, known_bits: int) -> None:
         """Take rate and range of the settings, or else of a known board."""
-        self._rate_hz = self._options.rate_hz or known.rate_hz or None
-        bits = self._options.bits or known.bits
+        self._rate_hz = self._options.rate_hz or known_hz or None
+        bits = self._options.bits or known_bits
         self.limits = (0.0, float(2**bits - 1)) if bits else None
 
     def _find(self) -> tuple[str, SerialPort]:

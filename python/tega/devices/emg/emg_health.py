@@ -111,7 +111,6 @@ class EmgHealth:
         return words
 
     def _fault_of(self, recent: NDArray[np.float64], past: NDArray[np.float64]) -> str:
-        """Name the worst fault of one channel, or return an empty string."""
         low, high = self._limits or (-np.inf, np.inf)
         at_limit = float(((recent <= low) | (recent >= high)).mean())
         if at_limit > RAILED_SHARE:

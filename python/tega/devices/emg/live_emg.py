@@ -299,7 +299,6 @@ class LiveEmg(Opened):
             self._check_running(clock)
 
     def _prove(self) -> None:
-        """Make sure that the stream that was started can be used."""
         rate_hz = self._rate_hz
         if rate_hz is None or rate_hz < LEAST_RATE_HZ:
             raise too_slow(f"{self.name}: {self._label}", rate_hz, "is said to send")

@@ -125,7 +125,6 @@ class SerialPort:
 
 
 def _hint(error: BaseException) -> str:
-    """Return the fix for a port that did not open."""
     number, text = getattr(error, "errno", None), str(error)
     if number == errno.EACCES or "Permission" in text:
         return "your user may not open it: join the group that owns it (often dialout) and log in again"
@@ -157,6 +156,8 @@ _BY_ID = Path("/dev/serial/by-id")
 def find_boards(driver: str, *, dongles: bool) -> list[Found]:
     """List a driver's ports: those with the adapters that a Cyton's dongle has, or all others."""
     list_ports = require("serial.tools.list_ports", driver=driver, extra="lab")
+    # Names that stay when ports are plugged in another order.
+    lasting = {link.resolve(): str(link) for link in sorted(_BY_ID.glob("*"), reverse=True)}
     found = []
     for info in list_ports.comports():
         if info.vid is None or ((info.vid, info.pid or 0) == _DONGLE) is not dongles:
@@ -170,7 +171,7 @@ def find_boards(driver: str, *, dongles: bool) -> list[Found]:
             Found(
                 driver=driver,
                 label=f"{info.device} ({board}{f', {info.serial_number}' if info.serial_number else ''})",
-                options={"port": _lasting_name(info.device)},
+                options={"port": lasting.get(Path(info.device).resolve(), info.device)},
                 problem=problem,
                 hint=hint,
                 note="its firmware cannot be detected from outside",
@@ -178,14 +179,6 @@ def find_boards(driver: str, *, dongles: bool) -> list[Found]:
             )
         )
     return found
-
-
-def _lasting_name(device: str) -> str:
-    """Return the name that stays when ports are plugged in another order, where there is one."""
-    for link in sorted(_BY_ID.glob("*")) if _BY_ID.is_dir() else []:
-        if link.resolve() == Path(device).resolve():
-            return str(link)
-    return device
 
 
 BaudRate = Annotated[int, msgspec.Meta(ge=300, le=4_000_000)]

@@ -279,7 +279,6 @@ class Digit(Drained):
         super()._run(capture)
 
     def _count_rate(self, t_ns: int) -> None:
-        """Count how many pictures come, in windows of two seconds."""
         begin_ns, n = self._window
         if t_ns - begin_ns >= _RATE_S * 1e9:
             hz = (self.counts.received - n) / ((t_ns - begin_ns) * 1e-9)
@@ -319,8 +318,8 @@ class Digit(Drained):
                 break
             any_came = True
             now_ns = time.monotonic_ns()
-            t_ns = self._kernel_ns(capture, now_ns)
-            if t_ns is None:
+            t_ns = round(capture.get(self._cv2.CAP_PROP_POS_MSEC) * 1e6)
+            if not 0 <= now_ns - t_ns < 1_000_000_000:  # the kernel's time is not that of the monotonic clock
                 # A stream keeps what nobody reads, and nothing says how old it is but that it was there at once.
                 at_once = (now_ns - requested_ns) * 1e-9 * self._rate_hz < _AT_ONCE
                 n_at_once = n_at_once + 1 if at_once else 0
@@ -341,11 +340,6 @@ class Digit(Drained):
                 self._give(t_ns, image)
         self.counts.lost += not self._leaving.is_set()
         return any_came
-
-    def _kernel_ns(self, capture: Any, now_ns: int) -> int | None:
-        """The kernel's time of the picture where it is the monotonic clock's."""
-        kernel_ns = round(capture.get(self._cv2.CAP_PROP_POS_MSEC) * 1e6)
-        return kernel_ns if 0 <= now_ns - kernel_ns < 1_000_000_000 else None
 
     def _give(self, t_ns: int, image: NDArray[np.uint8]) -> None:
         seq = self.counts.received - 1 + self.counts.dropped

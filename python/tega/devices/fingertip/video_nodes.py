@@ -138,14 +138,12 @@ _RULES = (
 )
 
 
-def is_digit(node: VideoNode) -> bool:
-    """Return whether a camera is a DIGIT, by its USB IDs or, if those are hidden, by its name."""
-    return node.usb_id == _DIGIT or (not node.usb_id and node.name.startswith("DIGIT"))
-
-
 def find_digits(*, sysfs: Path = SYSFS, usb: Path = USB_DEVICES) -> list[Found]:
     """List the DIGITs, those that cannot be opened included; opens none."""
-    cameras = [node for node in video_nodes(sysfs) if is_digit(node)]
+    # By its USB IDs or, if those are hidden, by its name.
+    cameras = [
+        n for n in video_nodes(sysfs) if n.usb_id == _DIGIT or (not n.usb_id and n.name.startswith("DIGIT"))
+    ]
     times = Counter(node.serial for node in cameras)
     found = [_camera(node, twice=bool(node.serial) and times[node.serial] > 1) for node in cameras]
     with_camera = {node.serial for node in cameras}

@@ -20,7 +20,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
@@ -31,46 +31,39 @@ _NO_MODULE: Final = (ImportError, NameError, NotImplementedError, AttributeError
 _MOST_LETTERS: Final = 200
 
 
-class _Interface(NamedTuple):
-    """Needs of an interface besides python-can (with the verb), how to install them, and its channel."""
-
-    needs: str
-    install: str
-    channel: str
-
-
-_INTERFACES: Final[Mapping[str, _Interface]] = {
-    "socketcan": _Interface(
+# Needs of an interface besides python-can (with the verb), how to install them, and its channel.
+_INTERFACES: Final[Mapping[str, tuple[str, str, str]]] = {
+    "socketcan": (
         "the kernel's CAN support is",
         "load it: sudo modprobe can_raw",
         f"plug the adapter in and switch its bus on: sudo {_UP}",
     ),
-    "kvaser": _Interface(
+    "kvaser": (
         "Kvaser's CANlib is",
         "install Kvaser's drivers (on Linux: linuxcan), or use the kernel's driver with interface = 'socketcan'",
         "channel is a number, 0 for the adapter's first",
     ),
-    "pcan": _Interface(
+    "pcan": (
         "PEAK's PCAN-Basic is",
         "install PCAN-Basic; on Linux the kernel's driver needs none: interface = 'socketcan', channel = 'can0'",
         "channel is a name such as PCAN_USBBUS1",
     ),
-    "ixxat": _Interface(
+    "ixxat": (
         "IXXAT's VCI is",
         "install the VCI driver, for Windows alone; on Linux use HMS's kernel driver with interface = 'socketcan'",
         "channel is a number, 0 for the adapter's first",
     ),
-    "gs_usb": _Interface(
+    "gs_usb": (
         "the packages gs_usb and pyusb are",
         "pip install 'python-can[gs-usb]'; on Linux the kernel's driver needs none: interface = 'socketcan'",
         "channel is a number, 0 for the first adapter; bus.index names another",
     ),
-    "slcan": _Interface(
+    "slcan": (
         "the package pyserial is",
         "pip install pyserial",
         "channel is the adapter's serial port, such as /dev/ttyACM0 or COM3, and your user may open it",
     ),
-    "vector": _Interface(
+    "vector": (
         "Vector's XL driver library is",
         "install it, for Windows alone; on Linux use interface = 'socketcan'",
         "channel is a number, 0 for the adapter's first",
@@ -101,7 +94,7 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     known = sorted(can.VALID_INTERFACES)
     if interface not in known:
         return "python-can has no such interface", nearest_hint(interface, known, "it has")
-    about = _INTERFACES.get(interface) or _Interface(
+    needs, install, channel = _INTERFACES.get(interface) or (
         "its library is",
         f"install the vendor's driver, and python-can's part for {interface}",
         "check that the adapter is plugged in, and its channel",
@@ -110,7 +103,7 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     missing = isinstance(error, _NO_MODULE) or (isinstance(error, OSError) and "library" in words.casefold())
     if interface == "socketcan":
         missing = isinstance(error, OSError) and "family not supported" in words
-    return (f"{about.needs} missing", about.install) if missing else (words, about.channel)
+    return (f"{needs} missing", install) if missing else (words, channel)
 
 
 @contextmanager

@@ -214,7 +214,6 @@ class HoloLens(ThreadedTracker):
         return "left"
 
     def _take(self, packet: bytes, arrival_ns: int) -> None:
-        """Take the wrist out of a packet."""
         device_100ns, _, bits = _HEAD.unpack_from(packet)
         record = packet[self._offset : self._offset + _JOINT_BYTES]
         c, last = self.counts, self._last

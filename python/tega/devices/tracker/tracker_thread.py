@@ -67,7 +67,6 @@ class ThreadedTracker(Drained):
         self._poses: deque[StampedPose] = deque(maxlen=_MOST_POSES)
 
     def _describe(self, label: str, notes: Sequence[str]) -> DeviceInfo:
-        """Return the description, with notes on the counts and of the driver's own."""
         c, counted = self.counts, []
         if c.guessed > _MANY * c.poses:
             counted.append(f"{c.guessed} of {c.poses} poses were only guessed")
@@ -86,7 +85,6 @@ class ThreadedTracker(Drained):
         )
 
     def _forget(self) -> None:
-        """Begin anew, as when it is opened."""
         self.counts = TrackerCounts()
         self._poses.clear()
         self._trouble = ""

@@ -335,7 +335,6 @@ async def _within(work: Coroutine[Any, Any, Any], timeout_s: float) -> Any:
 
 
 async def _come(ws: Any, timeout_s: float) -> list[str | bytes]:
-    """Return the messages that have come; waits for the first only."""
     await asyncio.sleep(0)
     found: list[str | bytes] = []
     with contextlib.suppress(TimeoutError):

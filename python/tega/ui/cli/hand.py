@@ -99,37 +99,31 @@ def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
 
     The other levels in the file are unchanged; in a new file they have the built-in values.
     """
-    from tega.hand.poses import load_poses, save_poses, taught
-
-    poses = load_poses(file) if file.exists() else None
-    with _opened(torque=False, **where) as driver:
-        angles, spread = _still_angles(driver, seconds)
-    if spread > 0.02:
-        raise click.ClickException(
-            f"the fingers moved by {spread:.2f} rad while they were read; hold them still and try again"
-        )
-    new, moved = taught(poses, level, angles)
-    save_poses(file, new)
-    click.echo(f"level {level} written to {file.name}")
-    if moved:
-        click.echo(f"moved inside the joint limits: {', '.join(moved)}")
-
-
-def _still_angles(driver: Allegro, seconds: float) -> tuple[NDArray[np.float64], float]:
-    """Average the angles for a while; also return how far they moved at most, noise apart."""
     import time
 
     import numpy as np
 
+    from tega.hand.poses import load_poses, save_poses, taught
+
+    poses = load_poses(file) if file.exists() else None
     read: list[NDArray[np.float64]] = []
-    end_s = time.monotonic() + seconds
-    while time.monotonic() < end_s or len(read) < 10:
-        driver.step(1)
-        read.append(driver.angles_rad)
-        time.sleep(0.005)
+    with _opened(torque=False, **where) as driver:
+        end_s = time.monotonic() + seconds
+        while time.monotonic() < end_s or len(read) < 10:
+            driver.step(1)
+            read.append(driver.angles_rad)
+            time.sleep(0.005)
     angles = np.array(read)
-    spread = np.percentile(angles, 97, axis=0) - np.percentile(angles, 3, axis=0)
-    return angles.mean(axis=0), float(spread.max())
+    spread = float(np.ptp(np.percentile(angles, [3, 97], axis=0), axis=0).max())  # noise apart
+    if spread > 0.02:
+        raise click.ClickException(
+            f"the fingers moved by {spread:.2f} rad while they were read; hold them still and try again"
+        )
+    new, moved = taught(poses, level, angles.mean(axis=0))
+    save_poses(file, new)
+    click.echo(f"level {level} written to {file.name}")
+    if moved:
+        click.echo(f"moved inside the joint limits: {', '.join(moved)}")
 
 
 @hand.command(epilog="Example: tega-teleop hand measure --emulated --seconds 10")

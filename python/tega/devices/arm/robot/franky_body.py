@@ -196,7 +196,6 @@ class FrankyBody(RobotBody):
         return self._fault
 
     def _named(self, text: str) -> str:
-        """Add the robot's own name for an error to franky's message."""
         try:
             state = self._robot.state
         except Exception:  # it does not answer any more; what franky says has to do
