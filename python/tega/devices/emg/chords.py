@@ -35,8 +35,8 @@ _ANSWER_S = 1.6
 _SILENCE_S = 1.2
 
 
-# Rate in Hz and bits, as the vendor's readers list them; channels are counted in the stream, since one name can have two
-# numbers of them. Where the two readers differ (STM32G4: 250 and 500 Hz), no rate stands here and it is measured.
+# Rate in Hz and bits, as the vendor's readers list them; the channel count is read off the stream, since one name can
+# have two. Where the two readers differ (STM32G4: 250 and 500 Hz), no rate stands here and it is measured.
 _BOARDS = {
     "ESP32-S3": (250.0, 12),
     "GENUINO-UNO": (250.0, 10),
