@@ -60,10 +60,11 @@ def opened(name: str, device: Emulator, **options: Any) -> LiveEmg:
     return CASES[name].make(**({"port": device.port} | QUICK | options))
 
 
-def refused(text: str, name: str, *arguments: str, **options: Any) -> None:
+def refused(text: str, name: str, *arguments: str, **options: Any) -> DeviceUnavailableError:
     """Open a board that an error has to name."""
-    with emulator(name, *arguments) as device, pytest.raises(DeviceUnavailableError, match=text):
+    with emulator(name, *arguments) as device, pytest.raises(DeviceUnavailableError, match=text) as error:
         opened(name, device, **options).open()
+    return error.value
 
 
 def chunks_of(source: LiveEmg, n_samples: int) -> list[EmgChunk]:

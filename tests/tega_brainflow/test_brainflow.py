@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import time
 import warnings
 from collections.abc import Iterator
@@ -10,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from reference.emg_boards import CYTON_STEP_UV, chunks_of, phases
 from tega.devices.emg.cyton import Cyton, CytonOptions
 from tega.devices.emg.live_emg import LiveEmg
 from tega.errors import DeviceUnavailableError, StreamContradictionError
@@ -32,28 +33,11 @@ def _with_brainflow() -> None:
             pytest.skip(f"BrainFlow does not load here ({error}): pip install 'tega[brainflow]'")
 
 
-# Of a step of the emulator's signal, at the gain that a Cyton starts with: what one count is times a hundred.
-STEP_UV = 100 * 4.5e6 / 24 / (2**23 - 1)
-
-
-def steps_of(samples_uv: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Return the steps of the emulator's ramp that samples are; (n, 8) in microvolts."""
-    steps = np.rint(samples_uv / STEP_UV)
-    assert np.allclose(samples_uv, steps * STEP_UV, rtol=1e-12, atol=1e-9)
-    return steps.astype(np.int64)
-
-
-def ramps_of(board: LiveEmg, n: int) -> NDArray[np.int64]:
-    """Read samples and return the number of each by the ramp of its first channel."""
-    chunks: list[NDArray[np.float64]] = []
-    while sum(map(len, chunks)) < n:
-        chunk = board.read(1.0)
-        assert chunk is not None
-        chunks.append(chunk.samples)
-    steps = steps_of(np.concatenate(chunks))
-    numbers = (steps[:, 0] + 500) % 1000
-    assert np.array_equal(steps, (numbers[:, np.newaxis] + 100 * np.arange(steps.shape[1])) % 1000 - 500)
-    return numbers
+def assert_whole(board: LiveEmg) -> None:
+    """Read a second of the emulator's ramp without a gap."""
+    phase, exact = phases("cyton", chunks_of(board, 250))
+    assert exact.all()
+    assert (phase == phase[0]).all()
 
 
 @contextmanager
@@ -87,16 +71,16 @@ def test_brainflow_s_own_cyton_board_reads_the_emulated_one_as_our_driver_does()
         rows = board.get_board_descr(board.board_id)
         numbers = np.arange(table.shape[1])
         assert np.array_equal(table[rows["package_num_channel"]], numbers % 256)
-        theirs = steps_of(np.ascontiguousarray(table[rows["emg_channels"]].T))
-        assert np.array_equal(theirs, (numbers[:, np.newaxis] + 100 * np.arange(8)) % 1000 - 500)
+        ramp = (numbers + 100 * np.arange(8)[:, np.newaxis]) % 1000 - 500
+        assert np.allclose(table[rows["emg_channels"]], ramp * CYTON_STEP_UV, rtol=1e-12, atol=1e-9)
         with Cyton(CytonOptions(port=device.port, channels=tuple(range(1, 9)), measure_s=0.5)) as ours:
-            assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+            assert_whole(ours)
 
 
 def test_our_driver_reads_a_cyton_through_brainflow() -> None:
     with Emulator("cyton") as device, source(board="CYTON_BOARD", serial_port=device.port) as ours:
         assert ours.info.rate_hz == 250.0
-        assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+        assert_whole(ours)
 
 
 def test_a_daisy_that_brainflow_does_not_know_of_is_refused() -> None:
@@ -125,7 +109,7 @@ def test_our_driver_reads_what_another_program_streams_by_brainflow() -> None:
         source(board="STREAMING_BOARD", master_board="CYTON_BOARD", **place) as ours,
     ):
         assert len(ours.info.channels) == 8
-        assert np.all(np.diff(ramps_of(ours, 250)) % 1000 == 1)
+        assert_whole(ours)
 
 
 def source(**options: Any) -> BrainFlowEmg:
@@ -135,14 +119,10 @@ def source(**options: Any) -> BrainFlowEmg:
 
 def test_samples_of_the_chosen_channels_come_without_a_gap() -> None:
     with source(channels=(2, 5)) as board:
-        n, at = 0, None
-        while n < 250:
-            chunk = board.read(1.0)
-            assert chunk is not None
-            assert chunk.samples.shape[1] == 2
-            assert chunk.first_index == (chunk.first_index if at is None else at)
-            at = chunk.first_index + len(chunk.samples)
-            n += len(chunk.samples)
+        chunks = chunks_of(board, 250)
+        for chunk, following in itertools.pairwise(chunks):
+            assert following.first_index == chunk.first_index + len(chunk.samples)
+        assert {chunk.samples.shape[1] for chunk in chunks} == {2}
         assert board.info.rate_hz == 250.0
         assert board.info.channels == ("ch2", "ch5")
     with pytest.raises(DeviceUnavailableError, match="not open"):

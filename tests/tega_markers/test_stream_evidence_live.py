@@ -11,10 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.emg_boards import chunks_of, opened, refused
 from reference.kept import muscle_file
 from reference.processes import until
 from tega.config import check_tree
-from tega.devices.emg.cyton import Cyton, CytonOptions
+from tega.devices.emg.live_emg import LiveEmg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.devices.fingertip.digit import Digit, DigitOptions
 from tega.errors import StreamContradictionError
@@ -27,20 +28,15 @@ from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
 
 
-def cyton(device: Emulator, **options: Any) -> Cyton:
-    return Cyton(CytonOptions(**({"port": device.port, "start_s": 10.0, "silence_s": 20.0} | options)))
-
-
-def rows_of(source: Any, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
-    rows: list[Any] = []
-    while sum(map(len, rows)) < n:
-        if (chunk := source.read(0.2)) is not None:
-            rows.append(chunk.samples)
-    return np.concatenate(rows)
+def rows_of(source: LiveEmg, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
+    return np.concatenate([chunk.samples for chunk in chunks_of(source, n)])
 
 
 def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
-    with Emulator("cyton", "--signal", "flat", "--daisy", "obeys") as device, cyton(device) as source:
+    with (
+        Emulator("cyton", "--signal", "flat", "--daisy", "obeys") as device,
+        opened("cyton", device) as source,
+    ):
         assert not rows_of(source, 250).any()
         assert "its Daisy switched off" in source.info.notes[0]
         assert source.contradictions == ()
@@ -59,16 +55,16 @@ def test_a_daisy_is_taken_off_and_the_board_alone_is_read() -> None:
 def test_a_daisy_that_stays_and_shifted_packets_are_refused(
     arguments: tuple[str, ...], message: str, hint: str, signal: str
 ) -> None:
-    with (
-        Emulator("cyton", "--signal", signal, *arguments) as device,
-        pytest.raises(StreamContradictionError, match=message) as refused,
-    ):
-        cyton(device).open()
-    assert hint in refused.value.hint
+    error = refused(message, "cyton", "--signal", signal, *arguments)
+    assert isinstance(error, StreamContradictionError)
+    assert hint in error.hint
 
 
 def test_single_shifted_packets_are_left_out() -> None:
-    with Emulator("cyton", "--signal", "flat", "--shifted", "0.05") as device, cyton(device) as source:
+    with (
+        Emulator("cyton", "--signal", "flat", "--shifted", "0.05") as device,
+        opened("cyton", device) as source,
+    ):
         # Where the true number is the second header's 0x41, nothing in the packet shows the shift.
         assert rows_of(source, 500).any(axis=1).sum() <= 2
         assert any("had a number that cannot be true; not used" in note for note in source.info.notes)
@@ -88,14 +84,7 @@ def test_a_column_that_counts_and_a_range_that_is_wrong_are_reported(tmp_path: P
     assert [one.status for one in report.findings if "values: ch1 changes" in one.finding] == ["error"]
 
 
-pylsl = pytest.importorskip("pylsl")
-
-
-def lsl(name: str, by: str = "source_id", **options: Any) -> LslEmg:
-    return LslEmg(LslEmgOptions(value=name, by=by, start_s=10.0, **options))  # type: ignore[arg-type]
-
-
-def ages_of(source: LslEmg, seconds: float) -> list[float]:
+def ages_of(source: LiveEmg, seconds: float) -> list[float]:
     ages, until_s = list[float](), time.monotonic() + seconds
     while time.monotonic() < until_s:
         if (chunk := source.read(0.2)) is not None:
@@ -107,7 +96,7 @@ def ages_of(source: LslEmg, seconds: float) -> list[float]:
 def test_stamps_of_another_clock_give_way_to_arrivals_and_are_reported(stamps: str) -> None:
     with (
         Emulator("lsl", "--stamps", stamps, "--signal", "emg") as device,
-        lsl(device.port, silence_s=20.0) as source,
+        opened("lsl-emg", device) as source,
     ):
         assert float(np.median(ages_of(source, 1.5))) < 0.2
         assert [one.evidence for one in source.contradictions] == ["stamp"]
@@ -115,15 +104,12 @@ def test_stamps_of_another_clock_give_way_to_arrivals_and_are_reported(stamps: s
 
 
 def test_samples_that_are_late_for_good_are_refused_with_the_true_reason() -> None:
-    with (
-        Emulator("lsl", "--stamps", "late") as device,
-        pytest.raises(StreamContradictionError, match=r"stamp: samples come 2\.\d+ s after their stamps"),
-    ):
-        lsl(device.port).open()
+    error = refused(r"stamp: samples come 2\.\d+ s after their stamps", "lsl-emg", "--stamps", "late")
+    assert isinstance(error, StreamContradictionError)
 
 
 def test_a_clock_that_is_set_back_while_it_sends_is_reported_and_no_sample_grows_old() -> None:
-    with Emulator("lsl", "--signal", "emg") as device, lsl(device.port, silence_s=20.0) as source:
+    with Emulator("lsl", "--signal", "emg") as device, opened("lsl-emg", device) as source:
         assert source.contradictions == ()
         ages_of(source, 0.5)
         device.say("stamps late")
@@ -135,7 +121,7 @@ def test_a_clock_that_is_set_back_while_it_sends_is_reported_and_no_sample_grows
 
 @pytest.mark.parametrize("declared", ["Accelerometer", "Markers", "Gaze"])
 def test_a_stream_that_declares_itself_as_something_else_is_reported(declared: str) -> None:
-    with Emulator("lsl", "--type", declared) as device, lsl(device.port) as source:
+    with Emulator("lsl", "--type", declared) as device, opened("lsl-emg", device) as source:
         assert [one.evidence for one in source.contradictions] == ["banner"]
         assert declared in source.faults[0]
 
@@ -146,7 +132,7 @@ def test_two_streams_of_one_name_are_refused() -> None:
         Emulator("lsl", "--name", "tega-twice"),
         pytest.raises(StreamContradictionError, match="banner: 2 streams have the name 'tega-twice'"),
     ):
-        lsl("tega-twice", by="name").open()
+        LslEmg(LslEmgOptions(by="name", value="tega-twice", start_s=10.0)).open()
 
 
 def test_two_streams_of_markers_of_one_name_are_refused_until_one_is_gone() -> None:
