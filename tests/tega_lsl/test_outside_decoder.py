@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.kept import muscle_file
 from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
@@ -145,10 +144,13 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega.recording.replay import replay_file
 
-    file = muscle_file(tmp_path, 40.0, 40.0, rate_hz=200.0)
+    (tmp_path / "calibration.toml").write_text(
+        'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
+        'rate_hz = 200.0\ntau = 10\nchannels = ["ch1", "ch2"]\nmaxima = [40.0, 40.0]\n'
+    )
     with peer("tega-test-outside-run") as other:
         tree: dict[str, Any] = {
-            "calibration": {"file": str(file)},
+            "calibration": {"file": str(tmp_path / "calibration.toml")},
             "emg": {"driver": "lsl-emg", "kind": "raw", "options": {"value": f"{other.name}-emg"}},
             "stages": {
                 "decoder": {"name": "lsl", "options": {"stream": other.name}},

@@ -27,6 +27,8 @@ from tega_markers.lsl_streams import LslMarkersIn, ReceivedMarker
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="pseudo-terminals")]
 
+pytest.importorskip("pylsl")
+
 
 def rows_of(source: LiveEmg, n: int) -> np.ndarray[Any, np.dtype[np.float64]]:
     return np.concatenate([chunk.samples for chunk in chunks_of(source, n)])
