@@ -26,8 +26,8 @@ from tega.runtime.threads import run_realtime
 from tega_scene.filming import CameraTally
 from tega_scene.layout import load_layout
 from tega_scene.lens import load_lens
-from tega_scene.records import SceneVideo
 from tega_scene.settings import SceneConfig, cameras_of, is_camera
+from tega_scene.video import SceneVideo
 
 _OPEN_S: Final = 30.0
 _POLL_S: Final = 0.05

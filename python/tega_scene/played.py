@@ -21,8 +21,7 @@ from tega.records.display import DisplayPicture
 from tega.runtime.files.foreign_file import reports_damage
 from tega_scene.pictures import read_offsets
 from tega_scene.record import scene_epoch
-from tega_scene.records import SceneVideo
-from tega_scene.video import SceneDecoder, note_key
+from tega_scene.video import SceneDecoder, SceneVideo, note_key
 
 VIDEO: Final = "foxglove.CompressedVideo"
 # A picture that is older than this is none of the moment.

@@ -28,9 +28,8 @@ from tega_scene.filming import CameraTally, Filming
 from tega_scene.layout import TagLayout, load_layout
 from tega_scene.lens import Lens, load_lens
 from tega_scene.pictures import read_offsets, times_path
-from tega_scene.records import SceneVideo
 from tega_scene.settings import SceneConfig, VideoFormat
-from tega_scene.video import stands_alone
+from tega_scene.video import SceneVideo, stands_alone
 
 TABLE = "tega_scene"
 _TICKS: Final = 90_000

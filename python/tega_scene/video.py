@@ -9,12 +9,13 @@ from __future__ import annotations
 import os
 from array import array
 from fractions import Fraction
-from typing import Any, Final
+from typing import Any, ClassVar, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError, RecordingError
+from tega.records.base import VideoPacket
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import restored
@@ -29,6 +30,16 @@ _H264_SLICE, _H264_ALONE, _H264_SPS = 1, 5, 7
 _AV1_SEQUENCE: Final = 1
 # Temporal delimiter, metadata and padding may stand before a sequence header.
 _AV1_BEFORE: Final = frozenset({2, 5, 15})
+
+
+class SceneVideo(VideoPacket, frozen=True, kw_only=True):
+    """One encoded picture of a scene camera."""
+
+    topic: ClassVar[str] = "/scene/{camera}/video"
+
+
+RECORDS = (SceneVideo,)
+"""Record types of scene cameras."""
 
 
 class SceneDecoder:

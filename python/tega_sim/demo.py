@@ -27,8 +27,6 @@ if TYPE_CHECKING:
 
 
 _EVENT_COLOURS = {"slip": "#c8202f", "deformation": "#8a4fbf", "drop": "#000000"}
-
-
 DEMO_FORMAT = "tega-demo"
 
 
@@ -133,7 +131,7 @@ def write_demo(folder: Path, report: DemoReport, courses: Sequence[Streams]) -> 
 def draw_demo(path: Path, report: DemoReport, courses: Sequence[Streams]) -> None:
     """Draw every trial: each finger's firmest contact, and the course of touch, pose and height."""
     figure = new_figure(figsize=(16, 0.5 + 2.4 * len(courses)))
-    who = "; ".join(dict.fromkeys(_who(plan) for plan in report.trials))
+    who = "; ".join(dict.fromkeys(map(_who, report.trials)))
     figure.suptitle(f"TEGA demo, simulated: {who}", fontsize=12)
     rows: list[SubFigure] = list(figure.subfigures(len(courses), 1, squeeze=False)[:, 0])
     for row, result, streams in zip(rows, report.trials, courses, strict=True):
@@ -161,14 +159,12 @@ def _who(plan: TrialPlan) -> str:
         return "three muscles follow a fixed course, whatever the vest does"
     if plan.operator == "keyboard":
         return "a user at the keyboard steers three simulated muscles, without a vest"
+    kind = "vest" if ARMS[plan.condition].sham == "informative" else "sham vest"
     vest = {
         "haptic": "feels the vest, has not practised with it,",
         "non-haptic": "wears no vest",
         "unfelt": "wears the vest and does not feel it",
-    }.get(plan.condition)
-    if vest is None:
-        kind = "vest" if ARMS[plan.condition].sham == "informative" else "sham vest"
-        vest = f"wears a {kind} ({plan.condition})"
+    }.get(plan.condition, f"wears a {kind} ({plan.condition})")
     return f"the person {vest} and steers with three muscles"
 
 

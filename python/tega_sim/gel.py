@@ -52,9 +52,6 @@ class Gel:
             minutes, as in recordings. A press then lasts until the next call, and times may not decrease; the truth
             has the total displacement of the gel, and the shapes that touch.
 
-    Attributes:
-        pressed: When the latest picture was taken, seconds, and the shapes that pressed then.
-
     Raises:
         InvalidValueError: ``spread`` is out of range, or ``shape`` not known.
 
@@ -74,15 +71,9 @@ class Gel:
         memory: bool = False,
     ) -> None:
         self._gel = _native.Gel(seed, spread=spread, shape=shape, memory=memory)
-        self.pressed: tuple[float, Sequence[Indenter]] = (0.0, ())
 
     def frame(
-        self,
-        indenters: Sequence[Indenter],
-        index: int,
-        *,
-        t_s: float | None = None,
-        out: NDArray[np.uint8] | None = None,
+        self, indenters: Sequence[Indenter], index: int, *, t_s: float | None = None
     ) -> NDArray[np.uint8]:
         """Return the picture of these shapes pressed in; :attr:`truth` is then of this press.
 
@@ -96,29 +87,22 @@ class Gel:
             index: Number of the frame: picks its noise and how far the colours have drifted (60 frames a
                 second).
             t_s: When, for a gel with ``memory``, never before the latest one; ``None`` is ``index`` / 60.
-            out: Where to write, uint8 (320, 240, 3) without gaps, and what is then returned; ``None`` makes a
-                new array.
 
         Returns:
             uint8 (320, 240, 3), BGR, upright.
         """
-        if out is None:
-            out = np.empty((HEIGHT, WIDTH, 3), np.uint8)
+        image = np.empty((HEIGHT, WIDTH, 3), np.uint8)
         t_s = index / CAMERA_HZ if t_s is None else t_s
-        self.pressed = t_s, indenters
-        self._gel.frame(_poses(indenters), index, t_s=t_s, out=out)
-        return out
+        self._gel.frame(_poses(indenters), index, t_s=t_s, out=image)
+        return image
 
-    def sums(
-        self, indenters: Sequence[Indenter], index: int, *, t_s: float | None = None
-    ) -> NDArray[np.int16]:
+    def sums(self, indenters: Sequence[Indenter], index: int) -> NDArray[np.int16]:
         """Return the sums over cells of 8 x 8 pixels of the picture of :meth:`frame`, equal to the bit.
 
         int16 (3, 1200): blue, green and red, each 40 rows of 30 cells, one after the other. What does not
         hang on single pixels is not worked out pixel by pixel: it takes a fraction of the time.
         """
-        t_s = index / CAMERA_HZ if t_s is None else t_s
-        return self._gel.sums(_poses(indenters), index, t_s=t_s)
+        return self._gel.sums(_poses(indenters), index, t_s=index / CAMERA_HZ)
 
     def press(self, indenters: Sequence[Indenter], *, t_s: float | None = None) -> GelTruth:
         """Press shapes in, making no picture; :attr:`truth` and the arrays below are then of this press.

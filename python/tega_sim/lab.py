@@ -61,11 +61,7 @@ class Lab:
     """Gels, electrodes and calibration of one person, which last longer than a trial.
 
     ``parameters`` of ``None`` are the package's own; ``settings`` are as in :class:`tega_sim.plan.TrialPlan`.
-
-    Attributes:
-        baselines: The gels' untouched pictures, as recorded before the session.
-        touch: What counts as full, by finger.
-        calibrated: The EMG maxima, and the effort that they stand for.
+    ``baselines`` are the gels' untouched pictures, ``touch`` is what counts as full, by finger.
     """
 
     def __init__(
@@ -105,10 +101,9 @@ class Lab:
             return ScriptedOperator(COURSES[plan.task], full_effort=full_effort)
         if plan.operator == "keyboard":
             raise InvalidValueError("the keyboard operator has no person", "give run_trial() a person")
-        skin, someone = ARMS[plan.condition].skin, self._someone
+        skin, someone, replace = ARMS[plan.condition].skin, self._someone, msgspec.structs.replace
         if plan.task == "fill":
-            forearm = msgspec.structs.replace(someone.forearm, hold_s=HOLD_S)
-            someone = msgspec.structs.replace(someone, forearm=forearm)
+            someone = replace(someone, forearm=replace(someone.forearm, hold_s=HOLD_S))
         return Operator(
             clear_skin(someone) if skin == "clear" else someone,
             seed=self._seed,
@@ -144,13 +139,9 @@ class Lab:
         contacts = []
         for number in range(PRESSES * (PRESS_FRAMES + PAUSE_FRAMES)):
             press, since = divmod(number, PRESS_FRAMES + PAUSE_FRAMES)
-            force_n = (
-                FULL_N * math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
-            )
-            pressing = (
-                board(force_n=force_n) if press % 2 else ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
-            )
-            image = gel.frame([pressing], number)
+            share = math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
+            on = {"force_n": FULL_N * share}
+            image = gel.frame([board(**on) if press % 2 else ball(**on, radius_mm=MARBLE_RADIUS_MM)], number)
             contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)

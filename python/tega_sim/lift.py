@@ -17,19 +17,18 @@ from tega.loop.hand import HandPolls
 from tega.loop.loop import DualLoop
 from tega.loop.outputs import HandOutput, Sink, VestOutput
 from tega.loop.snapshot import LoopView, Moments, Snapshot
-from tega.records import BesideContact, BesideIntent, Contact, Intent
+from tega.records import Intent
 from tega.records.bus import Bus
 from tega.runtime.clock import ManualClock, PausableClock, SystemClock
 from tega.runtime.words import number_text
 from tega.safety.guard import Guard
-from tega.stages.base import MeasuredPicture
 from tega.stages.events.outcomes import LIFT_WINDOW_S
 from tega.ui.view.state import EmgTail, Shape, ViewState
-from tega_sim.conditions import ARMS
+from tega_sim.conditions import ARMS, sham_vest
 from tega_sim.filling import Filling
 from tega_sim.hand import SimulatedAllegro, SimulatedBus, encoded
 from tega_sim.lab import EMG_HZ, Lab
-from tega_sim.operator import Operator, sham_vest
+from tega_sim.operator import Operator
 from tega_sim.operator.motor import AWAY_M
 from tega_sim.plan import TrialPlan, TrialResult
 from tega_sim.rig import SimulatedPacer, TrialRig, TrialSteering
@@ -46,20 +45,12 @@ _LAYOUT: Layout = "x40"
 
 
 class Lift:
-    """A lift, ready to go.
+    """A lift, ready to go; most of its arguments are those of :func:`tega_sim.trial.run_trial`.
 
     Args:
-        lab: The person's lab.
-        plan: Plan of the trial.
-        person: The operator.
         number: Number of the lift in the trial; another number gives other random numbers.
         fatigue: Fatigued share of the muscles at the end of the lift before, a minute of rest ago.
-        streams: Where to keep truth and sensors.
-        recorder: What records the lift.
         watched: Whether :meth:`go` has an observer.
-        muted: Returns whether the user has switched the vest off.
-        skip_untouched: Whether fingertips that nothing touches go without rendering, and all of them where
-            nothing that is felt, kept or looked at hangs on their pictures.
         lift_by_s: When it is over unless the object was lifted by then, seconds.
 
     Raises:
@@ -100,7 +91,10 @@ class Lift:
         self._emg = lab.emg(f"{plan.object} {number}")
         self._emg.fatigue = fatigue
         self._emg.rest(_REST_S)
-        self._bus = self._telling()
+        self._bus = Bus()
+        self._bus.subscribe(Intent, self._levels, vital=True)
+        if streams is not None:
+            streams.listen(self._bus)
         stages = lab.config.stages
         kept = streams is not None or recorder is not None or bool(stages.beside)
         everywhere = stages.reflex.name is not None and stages.reflex.authority > 0
@@ -108,7 +102,6 @@ class Lift:
         self.rig = TrialRig(
             lab=lab,
             world=World(spec, seed=plan.seed + number),
-            poses_rad=GRASP_POSES_RAD,
             decoder=decoder,
             person=person,
             emg=self._emg,
@@ -142,7 +135,15 @@ class Lift:
                 f"condition {plan.condition!r} cannot be recorded: the settings name no reflex",
                 'name one, such as stages.reflex.name = "grip", or choose another condition',
             )
-        self._measure_beside()
+        with ExitStack() as stack:  # nothing in it has a thread of its own
+            measure_beside_on(
+                stack,
+                lab.config,
+                self._bus,
+                baselines=lab.baselines,
+                touch=lab.touch.get,
+                muscles=lab.muscles,
+            )
 
     @property
     def fatigue(self) -> float:
@@ -174,9 +175,7 @@ class Lift:
         """
         rig, world = self.rig, self.rig.world
         if observer is not None:
-            self._bus.subscribe(
-                Snapshot, lambda snapshot: observer(self._snapshot(snapshot.view)), vital=True
-            )
+            self._bus.subscribe(Snapshot, lambda one: observer(self._snapshot(one.view)), vital=True)
         clock = PausableClock(paused, SystemClock() if real_time else ManualClock())
         pacer = SimulatedPacer(clock, rig.advance_to)
         pacer.start()
@@ -237,12 +236,8 @@ class Lift:
 
     def _hand_polls(self) -> HandPolls:
         rig, world = self.rig, self.rig.world
-        return HandPolls(
-            lambda: encoded(world.angles_rad),
-            lambda: rig.act.forearm_m[0],
-            ClosureScale(GRASP_POSES_RAD),
-            lambda: rig.t_ns,
-        )
+        angles, height = (lambda: encoded(world.angles_rad)), (lambda: rig.act.forearm_m[0])
+        return HandPolls(angles, height, ClosureScale(GRASP_POSES_RAD), lambda: rig.t_ns)
 
     def _placed(self) -> tuple[bool, float]:
         """Whether the object stands on its second mark, and how far from it, metres."""
@@ -252,31 +247,6 @@ class Lift:
         stands = not rig.truth.lift_off and float(axis[2]) > UPRIGHT
         let_go = rig.act.phase in {"release", "done"} and not any(rig.truth.pad_force_n)
         return stands and let_go and not rig.truth.dropped and off_m <= ON_MARK_M, off_m
-
-    def _measure_beside(self) -> None:
-        """Run the stages beside the loop, and keep their answers where streams are kept."""
-        lab = self._lab
-        if self._streams is not None:
-            self._bus.subscribe(BesideContact, self._streams.beside_contact)
-            self._bus.subscribe(BesideIntent, self._streams.beside_levels)
-        with ExitStack() as stack:  # nothing in it has a thread of its own
-            measure_beside_on(
-                stack,
-                lab.config,
-                self._bus,
-                baselines=lab.baselines,
-                touch=lab.touch.get,
-                muscles=lab.muscles,
-            )
-
-    def _telling(self) -> Bus:
-        bus, streams = Bus(), self._streams
-        bus.subscribe(Intent, self._levels, vital=True)
-        if streams is not None:
-            bus.subscribe(Contact, streams.contact, vital=True)
-            bus.subscribe(MeasuredPicture, streams.picture_of, vital=True)
-            bus.subscribe(Intent, streams.levels, vital=True)
-        return bus
 
     def _levels(self, intent: Intent) -> None:
         if self.rig.truth.lift_off and self.rig.act.phase in {"lift", "hold", "carry"}:
@@ -292,11 +262,7 @@ class Lift:
     def _snapshot(self, view: LoopView) -> ViewState:
         """Return what there is to see; nothing in it is written into afterwards."""
         rig, world = self.rig, self.rig.world
-        tail = (
-            EmgTail(np.concatenate(rig.emg_tail), EMG_HZ, self._emg_full, "raw", "µV")
-            if rig.emg_tail
-            else None
-        )
+        emg = np.concatenate(rig.emg_tail) if rig.emg_tail else None
         return ViewState(
             view.t_ns,
             view._replace(vest=rig.vest),  # what is worn, which need not be what the loop sent
@@ -305,22 +271,21 @@ class Lift:
             poses=world.poses(),
             palm=world.palm_row,
             contact_points=world.contact_points(),
-            emg=tail,
+            emg=None if emg is None else EmgTail(emg, EMG_HZ, self._emg_full, "raw", "µV"),
             rows=self._rows(),
             latency_ms=view.picture_to_vest_ms,
         )
 
     def _rows(self) -> dict[str, str]:
         truth, plan = self.rig.truth, self._plan
-        slips, deformations = self.scorer.count("slip"), self.scorer.count("deformation")
         return {
             "object": plan.object,
             "condition": plan.condition,
             "phase": self.rig.act.phase,
             "height": f"{number_text(100 * truth.object_height_m, decimals=1)} cm",
             "grip": f"{sum(truth.pad_force_n):.1f} N",
-            "slips": str(slips),
-            "deformed": str(deformations),
+            "slips": str(self.scorer.count("slip")),
+            "deformed": str(self.scorer.count("deformation")),
             "lifted": "yes" if self.scorer.time_of("lifted") is not None else "no",
         }
 

@@ -82,10 +82,8 @@ class TrialPlan(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
             object=name,
             condition="oracle" if ARMS[self.condition].pulses else "haptic",
             operator="scripted" if self.operator == "scripted" else "simulated",
-            mass_kg=None,
-            stiffness_n_m=None,
-            friction=None,
             spec=None,
+            **dict.fromkeys(self.changes),
         )
 
     @classmethod

@@ -32,14 +32,14 @@ from tega.runtime.clock import Clock
 from tega.runtime.device_items import EmgChunk, TactileFrame
 from tega.stages.base import Decoder, MeasuredPicture
 from tega.ui.view.state import TouchImage
+from tega_sim.conditions import Sham
 from tega_sim.filling import Filling
 from tega_sim.gel import CAMERA_HZ
 from tega_sim.lab import Lab
 from tega_sim.operator import ForearmEmg
-from tega_sim.operator.shams import Sham
 from tega_sim.score import TrialScorer
 from tega_sim.seams import Act, Indenter, Percept
-from tega_sim.world import World
+from tega_sim.world import GRASP_POSES_RAD, World
 
 ACT_NS = 10_000_000
 """Between two looks of the person at the world, nanoseconds; also the length of an EMG block."""
@@ -64,25 +64,14 @@ class TrialSteering(Protocol):
 
 
 class TrialRig:
-    """One trial's lab.
+    """One trial's lab: the world at the trial's beginning, the vest in its condition, and all between them.
 
     Args:
-        lab: Gels, untouched pictures, metrics and maxima of the person.
-        world: Hand and object, at the trial's beginning.
-        poses_rad: The hand's closure poses, float64 (5, 16).
-        decoder: Turns EMG into levels.
-        person: The operator.
-        emg: Turns excitation into EMG.
-        worn: The vest, in the trial's condition.
-        scorer: Counts what happens.
         bus: Receives every frame, before and after it is measured, and every block of EMG.
         end_s: When the trial is over whatever happens, seconds.
-        muted: Returns whether the user has switched the vest off.
-        skip_untouched: Whether a fingertip that nothing touches goes without rendering.
         with_cameras: Whether there are pictures; without them the loop feels nothing, all else is the same.
         painted: Whether every frame is painted, for readers of :attr:`frames`; else only those that a
             subscriber on the bus wants, or for a metric that needs pixels.
-        filling: What is filled into the object while it is held.
         on_act: Called with the percept and the action after every 10 ms.
 
     Attributes:
@@ -98,7 +87,6 @@ class TrialRig:
         *,
         lab: Lab,
         world: World,
-        poses_rad: NDArray[np.float64],
         decoder: Decoder,
         person: TrialSteering,
         emg: ForearmEmg,
@@ -114,7 +102,7 @@ class TrialRig:
         on_act: Callable[[Percept, Act], None] = lambda _percept, _act: None,
     ) -> None:
         self.world = world
-        self._closure = ClosureScale(poses_rad)
+        self._closure = ClosureScale(GRASP_POSES_RAD)
         self._gels = [lab.gels[finger] for finger in FINGERS]
         for gel in self._gels:
             gel.forget()
@@ -132,7 +120,6 @@ class TrialRig:
         due_ns = CAMERA_DELAY_NS if with_cameras else NEVER_NS
         self.contacts = {finger: LiveStream[Contact](due_ns=due_ns) for finger in FINGERS}
         self.levels = LiveStream[Intent](due_ns=self._block_ns)
-        self._streams = list(self.contacts.values())
         self.frames = list(self._still)
         self.measured = [Contact(finger=finger, t_ns=0, in_contact=False) for finger in FINGERS]
         self._bus = bus
@@ -188,7 +175,7 @@ class TrialRig:
             if contact is None:
                 continue
             self.measured[finger] = contact
-            self._streams[finger].put(contact, next_ns=next_ns)
+            self.contacts[FINGERS[finger]].put(contact, next_ns=next_ns)
             if reported:
                 self._bus.publish(
                     MeasuredPicture(image=self.frames[finger], contact=contact, metric=meter.metric)
@@ -237,7 +224,7 @@ class TrialRig:
         self._on_act(percept, act)
         if self._ends(t_ns, act):
             self._over = True
-            streams: list[LiveStream[Any]] = [*self._streams, self.levels]
+            streams: list[LiveStream[Any]] = [*self.contacts.values(), self.levels]
             for stream in streams:
                 stream.end(t_ns)
                 stream.close()
@@ -247,11 +234,8 @@ class TrialRig:
         return self._closure(self.world.angles_rad)
 
     def _ends(self, t_ns: int, act: Act) -> bool:
-        if act.phase == "done" or t_ns >= self._end_ns:
-            return True
-        if self._scorer.time_of("drop") is not None:
-            return True
-        return self._scorer.rule.verdict(t_ns / 1e9) == "too late"
+        over = act.phase == "done" or t_ns >= self._end_ns or self._scorer.time_of("drop") is not None
+        return over or self._scorer.rule.verdict(t_ns / 1e9) == "too late"
 
 
 class SimulatedPacer(Pacer):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -48,30 +48,18 @@ class LiftRecorder:
 
     def begin(self, lab: Lab, bus: Bus, *, stages: StagesSection, layout: Layout) -> None:
         """Begin the file of a lift; ``stages`` are its own, since its condition may have another mapping."""
-        replace = msgspec.structs.replace
+        replace, emg = msgspec.structs.replace, lab.muscles
+        pace: Literal["real", "fast"] = "real" if self._real_time else "fast"
         config = replace(
             lab.config,
-            session=replace(
-                lab.config.session, pace="real" if self._real_time else "fast", out_dir=None, emulated=True
-            ),
+            session=replace(lab.config.session, pace=pace, out_dir=None, emulated=True),
             stages=stages,
             recording=replace(self._settings, dir=self._folder.absolute()),
         )
-        emg = lab.muscles
-        sources = {
-            finger: DeviceInfo(
-                driver=_NAME, kind="tactile", label=f"{_NAME} {finger}", live=False, rate_hz=CAMERA_HZ
-            )
-            for finger in FINGERS
-        }
-        sources["emg"] = DeviceInfo(
-            driver=_NAME,
-            kind="emg",
-            label=f"{_NAME} muscles",
-            live=False,
-            rate_hz=EMG_HZ,
-            channels=emg.channels,
-            unit="µV",
+        named = DeviceInfo(driver=_NAME, kind="tactile", label="", live=False, rate_hz=CAMERA_HZ)
+        sources = {finger: replace(named, label=f"{_NAME} {finger}") for finger in FINGERS}
+        sources["emg"] = replace(
+            named, kind="emg", label=f"{_NAME} muscles", rate_hz=EMG_HZ, channels=emg.channels, unit="µV"
         )
         self._recording = Recording(config, self._folder, bus)
         self._recording.describe(
@@ -147,45 +135,33 @@ class Streams:
         self._motors: tuple[str, ...] = ()
         self._firmest = Firmest()
 
+    def listen(self, bus: Bus) -> None:
+        """Keep what is measured and decoded."""
+        bus.subscribe(Contact, self._contact, vital=True)
+        bus.subscribe(MeasuredPicture, self.picture_of, vital=True)
+        bus.subscribe(Intent, self._intent, vital=True)
+        bus.subscribe(BesideContact, self._contact)
+        bus.subscribe(BesideIntent, self._intent)
+
     def act(self, percept: Percept, act: Act) -> None:
         """Keep one look at the world and the person's action."""
         scene = percept.scene
-        self.rows["truth"].append(
-            (
-                percept.t_s,
-                *scene[1:3],
-                *scene.pad_force_n,
-                *scene[4:],
-                act.excitation,
-                *act.forearm_m,
-                act.phase,
-            )
-        )
+        known = (percept.t_s, *scene[1:3], *scene.pad_force_n, *scene[4:])
+        self.rows["truth"].append((*known, act.excitation, *act.forearm_m, act.phase))
 
     def picture_of(self, picture: MeasuredPicture) -> None:
         """Keep a finger's picture with its map if no contact before was as large."""
         self._firmest.take(picture)
 
-    def contact(self, contact: Contact) -> None:
-        """Keep the measurements of one frame."""
-        self.rows["contacts"].append(numbers(contact))
-        for one in contact.more:
-            self.rows["values"].append((contact.t_ns / 1e9, contact.finger, *msgspec.structs.astuple(one)))
-
-    def beside_contact(self, record: BesideContact) -> None:
-        """Keep the answer of a metric beside the connected one to a frame."""
-        t_s, who = record.t_ns / 1e9, (record.stage, record.finger)
-        self.rows["beside-contacts"].append(numbers(record))
+    def _contact(self, record: Contact | BesideContact) -> None:
+        beside, who = ("", ()) if isinstance(record, Contact) else ("beside-", (record.stage,))
+        self.rows[f"{beside}contacts"].append(numbers(record))
         for one in record.more:
-            self.rows["beside-values"].append((t_s, *who, *msgspec.structs.astuple(one)))
+            at = (record.t_ns / 1e9, *who, record.finger)
+            self.rows[f"{beside}values"].append((*at, *msgspec.structs.astuple(one)))
 
-    def beside_levels(self, record: BesideIntent) -> None:
-        """Keep the answer of a decoder beside the connected one."""
-        self.rows["beside-levels"].append(numbers(record))
-
-    def levels(self, intent: Intent) -> None:
-        """Keep one EMG block."""
-        self.rows["levels"].append(numbers(intent))
+    def _intent(self, record: Intent | BesideIntent) -> None:
+        self.rows["levels" if isinstance(record, Intent) else "beside-levels"].append(numbers(record))
 
     def write(self, t_ns: int, frame: MotorLevels) -> None:
         """Keep one vest frame as the loop sent it."""

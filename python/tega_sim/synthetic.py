@@ -85,8 +85,6 @@ class SyntheticTouch(Opened):
 
     kind: ClassVar[Kind] = "tactile"
     summary: ClassVar[str] = "simulated presses on a gel; needs nothing"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = SyntheticTouchOptions
 
     def __init__(self, options: SyntheticTouchOptions) -> None:
@@ -103,13 +101,9 @@ class SyntheticTouch(Opened):
             label=f"simulated gel {self._options.seed}",
             live=False,
             rate_hz=self._options.rate_hz,
-            n_items=self._n_frames,
+            n_items=_n_items(self._options),
             notes=("simulated touch",),
         )
-
-    @property
-    def _n_frames(self) -> int:
-        return max(1, round(self._options.duration_s * self._options.rate_hz))
 
     def open(self) -> None:
         """Make the gel; the same seed makes the same pictures again."""
@@ -124,7 +118,7 @@ class SyntheticTouch(Opened):
     @property
     def ended(self) -> bool:
         """Whether the grasp is over."""
-        return self._next >= self._n_frames
+        return self._next >= _n_items(self._options)
 
     def press_at(self, t_s: float) -> Indenter:
         """Return what presses the gel at a time."""
@@ -168,23 +162,21 @@ class SyntheticEmgOptions(Options, frozen=True):
     rate_hz: Annotated[float, msgspec.Meta(ge=200, le=10_000)] = 1000.0
 
 
+def _n_items(options: SyntheticTouchOptions | SyntheticEmgOptions) -> int:
+    return max(1, round(options.duration_s * options.rate_hz))
+
+
 class SyntheticEmg(Opened):
     """Three channels of raw EMG that follow the effort of the grasp."""
 
     kind: ClassVar[Kind] = "emg"
     summary: ClassVar[str] = "simulated raw EMG of three muscles; needs nothing"
-    extra: ClassVar[str] = ""
-    requires: ClassVar[tuple[str, ...]] = ()
     options_type: ClassVar[type[Options]] = SyntheticEmgOptions
 
     def __init__(self, options: SyntheticEmgOptions) -> None:
         self._options = options
         self._forearm: ForearmEmg | None = None
         self._tick = self._next = 0
-
-    @property
-    def _n_samples(self) -> int:
-        return max(1, round(self._options.duration_s * self._options.rate_hz))
 
     @property
     def info(self) -> DeviceInfo:
@@ -197,7 +189,7 @@ class SyntheticEmg(Opened):
             rate_hz=self._options.rate_hz,
             channels=("ch1", "ch2", "ch3"),
             unit="µV",
-            n_items=self._n_samples,
+            n_items=_n_items(self._options),
             notes=("simulated EMG",),
         )
 
@@ -216,7 +208,7 @@ class SyntheticEmg(Opened):
     @property
     def ended(self) -> bool:
         """Whether the grasp is over."""
-        return self._next >= self._n_samples
+        return self._next >= _n_items(self._options)
 
     def read(self, timeout_s: float) -> EmgChunk | None:  # noqa: ARG002  # never keeps one waiting
         """Return the next twentieth of a second."""
@@ -227,7 +219,7 @@ class SyntheticEmg(Opened):
         first, options = self._next, self._options
         times_s = [(self._tick + n) / 100 for n in range(_CHUNK_TICKS)]
         samples = self._forearm.course([effort_at(t_s, options.duration_s) for t_s in times_s])
-        samples = samples[: self._n_samples - first]
+        samples = samples[: _n_items(self._options) - first]
         self._tick += _CHUNK_TICKS
         self._next = first + len(samples)
         return EmgChunk(round(self._next * 1_000_000_000 / options.rate_hz), first, samples)

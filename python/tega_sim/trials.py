@@ -12,6 +12,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
 from pathlib import Path
 from typing import IO, Any, TypeVar
 
@@ -113,22 +114,20 @@ def run_trials(
     if out is not None:
         _check_persons(out, known.values())
     left = [plan for plan in dict.fromkeys(plans) if plan not in known]
-    n_done = len(set(plans)) - len(left)
-    file = None
-    if out is not None and left:
-        _write(out, plans, known)  # a line that was cut off must not stay before what is added
-        file = out.open("ab")
-    try:
-        progress("trials", n_done, n_done + len(left))
-        for result in over_cores(run_trial, left, jobs or os.cpu_count() or 1):
+    n_all = len(set(plans))
+    with ExitStack() as stack:
+        file: IO[bytes] | None = None
+        if out is not None and left:
+            _write(out, plans, known)  # a line that was cut off must not stay before what is added
+            file = stack.enter_context(out.open("ab"))
+        progress("trials", n_all - len(left), n_all)
+        results = over_cores(run_trial, left, jobs or os.cpu_count() or 1)
+        for n_done, result in enumerate(results, n_all - len(left) + 1):
             known[result.plan] = result
             if file is not None:
-                _add(file, result)
-            n_done += 1
-            progress("trials", n_done, len(set(plans)))
-    finally:
-        if file is not None:
-            file.close()
+                file.write(msgspec.json.encode(result) + b"\n")
+                file.flush()
+            progress("trials", n_done, n_all)
     if out is not None and left:
         _write(out, plans, known)
     return [known[plan] for plan in plans]
@@ -170,11 +169,6 @@ def _check_persons(path: Path, results: Iterable[TrialResult]) -> None:
             )
 
 
-def _add(file: IO[bytes], result: TrialResult) -> None:
-    file.write(msgspec.json.encode(result) + b"\n")
-    file.flush()
-
-
 def _write(path: Path, plans: Sequence[TrialPlan], known: dict[TrialPlan, TrialResult]) -> None:
     """Write results in the order of the plans, other plans' results last; equal runs give equal bytes."""
     ordered = dict.fromkeys([*plans, *known])
@@ -204,15 +198,9 @@ def summarise_trials(results: Sequence[TrialResult]) -> list[Row]:
     groups: dict[tuple[str, str], list[TrialResult]] = {}
     for result in results:
         groups.setdefault((variant_name(result.object, result.changes), result.condition), []).append(result)
-    return [
-        Row(
-            object=name,
-            condition=condition,
-            n=len(group),
-            **{
-                subject: sum(getattr(result, subject) for result in group) / len(group)
-                for subject in Row.__struct_fields__[3:]
-            },
-        )
-        for (name, condition), group in groups.items()
-    ]
+    rows = []
+    for (name, condition), group in groups.items():
+        n, subjects = len(group), Row.__struct_fields__[3:]
+        means = {subject: sum(getattr(one, subject) for one in group) / n for subject in subjects}
+        rows.append(Row(object=name, condition=condition, n=n, **means))
+    return rows

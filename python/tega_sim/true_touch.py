@@ -8,6 +8,7 @@ same way.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import msgspec
@@ -34,10 +35,7 @@ FULL_REFLEX: Final = ReflexSection(name="grip", authority=1.0)
 
 
 class TrueSlipArc(ReflexArc):
-    """A reflex arc that receives the truth, on every finger that bears a force, and no events.
-
-    It receives the speed of the slide through the grasp; ``forces_n`` are the true ones, thumb first.
-    """
+    """A reflex arc that receives the true slide through the grasp on every loaded finger, and no events."""
 
     def __init__(
         self,
@@ -54,12 +52,7 @@ class TrueSlipArc(ReflexArc):
     def on_event(self, event: Event) -> None:
         """Ignore events that were found in pictures."""
 
-    def step(
-        self,
-        t_ns: int,
-        own: float,
-        contacts: Callable[[], Mapping[str, Contact]],  # noqa: ARG002
-    ) -> float:
+    def step(self, t_ns: int, own: float, contacts: Callable[[], Mapping[str, Contact]]) -> float:  # noqa: ARG002
         """Return the addition of a tick, levels."""
         speed = NamedValue("slip_mm_s", self._slip_mm_s(), "mm/s")
         true = {
@@ -83,14 +76,12 @@ def trial_reflex(
     ``bus`` receives every addition. ``closure`` returns the hand's closure by its joints, levels;
     ``slip_mm_s`` the speed of the object's slide; ``forces_n`` the true force on each pad, thumb first.
     """
-    stages = config.stages
-    if reports != "none" and stages.reflex.name is None:
-        stages = msgspec.structs.replace(stages, reflex=FULL_REFLEX)
-    elif reports != "none" and stages.reflex.authority == 0:
-        full = msgspec.structs.replace(stages.reflex, authority=FULL_REFLEX.authority)
-        stages = msgspec.structs.replace(stages, reflex=full)
-    settings = stages.reflex
-    reflex = grip_reflex(stages, config.session.preset, FINGERS)
+    settings, replace = config.stages.reflex, msgspec.structs.replace
+    if reports != "none" and settings.name is None:
+        settings = FULL_REFLEX
+    elif reports != "none" and settings.authority == 0:
+        settings = replace(settings, authority=FULL_REFLEX.authority)
+    reflex = grip_reflex(replace(config.stages, reflex=settings), config.session.preset, FINGERS)
     if reflex is None:
         return None
 
@@ -179,9 +170,7 @@ def stages_of(lab: Lab, plan: TrialPlan) -> StagesSection:
 
 def touch_of(lab: Lab, plan: TrialPlan, *, layout: Layout) -> TouchLoop:
     """Return the source of the vest's frames in a trial: the measurements or the truth."""
-    config, reports = lab.config, ARMS[plan.condition].reports
-    mapping, mirror = vest_mapping(stages_of(lab, plan), plan.preset), config.vest.mirror
-    felt = felt_map(config.vest)
-    if reports in _DISPLAYED:
-        return TrueTouch(reports, lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
-    return TouchLoop(lab.touch, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
+    vest, reports = lab.config.vest, ARMS[plan.condition].reports
+    make = partial(TrueTouch, reports) if reports in _DISPLAYED else TouchLoop
+    mapping = vest_mapping(stages_of(lab, plan), plan.preset)
+    return make(lab.touch, layout=layout, mirror=vest.mirror, felt=felt_map(vest), mapping=mapping)

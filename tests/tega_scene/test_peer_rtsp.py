@@ -36,7 +36,7 @@ from tega.records.bus import Bus
 from tega.setup.doctor import examine
 from tega_scene.pictures import read_pictures
 from tega_scene.record import export_camera
-from tega_scene.records import SceneVideo
+from tega_scene.video import SceneVideo
 
 pytestmark = [
     pytest.mark.slow,

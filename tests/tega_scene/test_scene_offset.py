@@ -111,8 +111,7 @@ def test_an_offset_is_measured_in_a_recording_and_taken_off_by_export(tmp_path: 
     from tega.records.display import DisplayPicture
     from tega_scene.pictures import read_times, times_path
     from tega_scene.played import followed_scene
-    from tega_scene.records import SceneVideo
-    from tega_scene.video import SceneEncoder
+    from tega_scene.video import SceneEncoder, SceneVideo
 
     late_s = 0.053
     edges = read_flashes(_flashes(tmp_path))

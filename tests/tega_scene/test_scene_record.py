@@ -20,9 +20,8 @@ from tega.recording.record_columns import find_kind
 from tega.ui.cli.main import cli
 from tega_scene.pictures import read_pictures, read_times, times_path
 from tega_scene.record import export_camera, record_cameras
-from tega_scene.records import SceneVideo
 from tega_scene.settings import VideoFormat
-from tega_scene.video import SceneDecoder, SceneEncoder
+from tega_scene.video import SceneDecoder, SceneEncoder, SceneVideo
 
 
 @pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])

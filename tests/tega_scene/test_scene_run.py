@@ -38,9 +38,8 @@ from tega_scene.layout import example_layout, save_layout  # noqa: E402
 from tega_scene.lens import Lens, save_lens  # noqa: E402
 from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
 from tega_scene.record import export_camera  # noqa: E402
-from tega_scene.records import SceneVideo  # noqa: E402
 from tega_scene.settings import SceneConfig, full_source  # noqa: E402
-from tega_scene.video import SceneDecoder  # noqa: E402
+from tega_scene.video import SceneDecoder, SceneVideo  # noqa: E402
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
 

@@ -13,7 +13,8 @@ from scipy import integrate, stats
 
 from reference.plant import EXACT, Grasp, grasp, with_
 from tega.errors import ConfigError, InvalidValueError
-from tega_sim.operator import Operator, draw_person, load_parameters, sham_vest, typical_person
+from tega_sim.conditions import sham_vest
+from tega_sim.operator import Operator, draw_person, load_parameters, typical_person
 from tega_sim.operator.belief import ObjectBelief, above, below
 from tega_sim.operator.person import stream
 from tega_sim.seams import Percept, WorldTruth

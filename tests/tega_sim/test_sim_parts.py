@@ -13,9 +13,8 @@ from tega.loop.inbox.stream import NEVER_NS, LiveStream
 from tega.records import Contact, Intent
 from tega.runtime.clock import ManualClock, PausableClock
 from tega.wire import CanFrame, allegro_limp_frames, allegro_torque_frames
-from tega_sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS
+from tega_sim.conditions import ARMS, CONDITIONS, SESSION_CONDITIONS, sham_vest
 from tega_sim.hand import SimulatedBus
-from tega_sim.operator import sham_vest
 from tega_sim.rig import SimulatedPacer
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from reference.plant import grasp, told_frame
-from tega_sim.operator import Operator, draw_person, sham_vest, typical_person
+from tega_sim.conditions import sham_vest
+from tega_sim.operator import Operator, draw_person, typical_person
 from tega_sim.operator.belief import Closure
 from tega_sim.operator.vision import Kind, SeenEvent
 

@@ -6,6 +6,7 @@ import itertools
 import os
 import sys
 from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -14,7 +15,8 @@ from reference.plant import grasp
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import MotorLevels, vest_frame
 from tega.runtime.keys import split_keys
-from tega_sim.operator import SHAMS, KeyboardOperator, Keys, ScriptedOperator, sham_vest
+from tega_sim.conditions import ShamName, sham_vest
+from tega_sim.operator import KeyboardOperator, Keys, ScriptedOperator
 from tega_sim.operator.scripted import Step
 from tega_sim.seams import Percept, WorldTruth
 
@@ -104,7 +106,7 @@ def test_a_file_is_not_a_keyboard(tmp_path: Path) -> None:
 
 
 def test_each_sham_does_what_it_says() -> None:
-    vests = {name: sham_vest(name, seed=3, recorded=[(0.0, MADE)]) for name in SHAMS}
+    vests = {name: sham_vest(name, seed=3, recorded=[(0.0, MADE)]) for name in get_args(ShamName)}
     assert vests["informative"](1.0, MADE) is MADE
     assert vests["off"](1.0, MADE) is None
     silent, constant = vests["silent"](1.0, MADE), vests["constant"](1.0, MADE)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import NAMES, echo_json, json_option, progress_bar
+from tega.ui.cli.options import FILE, NAMES, echo_json, json_option, progress_bar
 from tega_sim.cli.options import (
     chosen_objects,
     loop_options,
@@ -74,11 +74,7 @@ def sim() -> None:
     default=0,
     help="Worker processes; 0 for as many as there are cores.",
 )
-@click.option(
-    "--out",
-    type=click.Path(path_type=Path, dir_okay=False),
-    help="Keep results in this file, and go on from it.",
-)
+@click.option("--out", type=FILE, help="Keep results in this file, and go on from it.")
 @json_option
 def trials(
     *,

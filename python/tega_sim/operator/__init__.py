@@ -14,14 +14,12 @@ from tega_sim.operator.person import (
     typical_person,
 )
 from tega_sim.operator.scripted import KEYS_HELP, KeyboardOperator, ScriptedOperator
-from tega_sim.operator.shams import SHAMS, Sham, sham_vest
 from tega_sim.operator.vision import VIEWS, ViewName
 
 __all__ = [
     "CHANNELS",
     "EFFECTS",
     "KEYS_HELP",
-    "SHAMS",
     "TICK_HZ",
     "VIEWS",
     "Calibrated",
@@ -32,13 +30,11 @@ __all__ = [
     "Parameters",
     "PersonNumbers",
     "ScriptedOperator",
-    "Sham",
     "ViewName",
     "calibrate",
     "clear_skin",
     "draw_person",
     "load_parameters",
     "people_digest",
-    "sham_vest",
     "typical_person",
 ]

@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-
-import numpy as np
+from functools import partial
 
 from tega.errors import InvalidValueError
 from tega.haptics import MotorLevels
@@ -151,10 +150,7 @@ class Operator:
         belief = self._recall(name, 0.0)
         if not self._feels:
             return
-        noise, reaction, link = (
-            stream(self._seed, "operator", name, "practice", subject) for subject in ("vest", "touch", "link")
-        )
-        self._skin.begin(rest_s=0.0, noise=noise, reaction=reaction, link=link)
+        self._skin.begin(0.0, partial(stream, self._seed, "operator", name, "practice"))
         glances_per_level = round(PRACTICE_S / POLL_S)
         for n in range(len(PRACTISED_LEVELS) * glances_per_level):
             level = PRACTISED_LEVELS[n // glances_per_level]
@@ -181,11 +177,13 @@ class Operator:
         due = [event for event in trial.pending if event.due_s <= t_s]
         trial.pending = [event for event in trial.pending if event.due_s > t_s]
         decision = grip.decide(t_s, POLL_S, due, percept.scene)
-        if decision is not None:
-            if decision.change is None:
-                trial.motor.command(decision.level)
-            else:
-                trial.motor.shift(decision.change)
+        if decision is None:
+            return
+        level, change = decision
+        if change is None:
+            trial.motor.command(level)
+        else:
+            trial.motor.shift(change)
 
     def _attend(self, t_s: float, trial: TrialOfPerson) -> None:
         skin, grip = self._skin, trial.grip
@@ -230,31 +228,14 @@ class Operator:
         return belief
 
     def _start(self, name: str, width_m: float, trial: int, rest_s: float) -> TrialOfPerson:
-        def process(subject: str) -> np.random.Generator:
-            return stream(self._seed, "operator", name, trial, subject)
-
-        person = self.person
-        self._skin.begin(
-            rest_s=rest_s, noise=process("vest"), reaction=process("tactile reaction"), link=process("link")
-        )
+        person, process = self.person, partial(stream, self._seed, "operator", name, trial)
+        self._skin.begin(rest_s, process)
+        forearm = SimulatedForearm((0.0, person.forearm.back_m))
+        aim, sense = process("aim"), process("effort sense")
         self._trial = TrialOfPerson(
-            grip=GripDecisions(
-                person, self._recall(name, rest_s), SimulatedForearm((0.0, person.forearm.back_m))
-            ),
-            eyes=Eyes(
-                person.vision,
-                width_m=width_m,
-                gaze=process("gaze"),
-                looks=process("vision"),
-                poses=process("pose"),
-                reaction=process("visual reaction"),
-                view=self._view,
-                bears_m=self.bears_m,
-            ),
-            motor=MuscleMotor(
-                person.motor, full_effort=self._full, aim=process("aim"), sense=process("effort sense")
-            ),
+            GripDecisions(person, self._recall(name, rest_s), forearm, away_m=self._away_m),
+            Eyes(person.vision, process, width_m=width_m, view=self._view, bears_m=self.bears_m),
+            MuscleMotor(person.motor, full_effort=self._full, aim=aim, sense=sense),
         )
-        self._trial.grip.away_m = self._away_m
         self._trial.motor.command(1)
         return self._trial

@@ -47,9 +47,9 @@ def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
     return max(math.sqrt(max(sd * sd * (1 - sd * sd / (u * u) * factor), 0.0)), floor)
 
 
-_PANEL_PLACE: dict[Panel, int] = {"front": 0, "back": 1}
 # The curve is kept at these closures, levels, straight in between.
-_KNOTS = np.arange(1.0, 5.6, 0.5)
+_STEP = 0.5
+_KNOTS = np.arange(1.0, 5.6, _STEP)
 # Departure of the curve from a straight line: standard deviation in ln, and over how many levels it changes. Between
 # nothing felt and full drive lie ln(1/0.2) = 1.6, which a curve may run through within a level.
 _BEND_SD, _BEND_LEVELS = 0.5, 1.0
@@ -81,9 +81,7 @@ class Closure:
         taught = np.clip((_KNOTS - 5.0) / 3.5, -1.0, 0.0) * math.log(1.0 / threshold)
         self._mean = np.concatenate([[1.0], taught, taught])
         self._cov = np.zeros((1 + 2 * n, 1 + 2 * n))
-        for place in range(2):
-            at = slice(1 + place * n, 1 + (place + 1) * n)
-            self._cov[at, at] = prior
+        self._cov[1 : 1 + n, 1 : 1 + n] = self._cov[1 + n :, 1 + n :] = prior
         self._own_direction = 1.0 / max(math.log(1.0 / threshold), 0.5)
         self.log_odds: dict[Panel, float] = {"front": _FIRST_ODDS, "back": _FIRST_ODDS}
 
@@ -113,27 +111,23 @@ class Closure:
 
     def slope(self, panel: Panel) -> float:
         """Change of a panel's log intensity with one level, here."""
-        return float(self._difference(panel) @ self._mean)
+        return float(self._curve(panel)[1] @ self._mean)
 
     def known(self, panel: Panel) -> bool:
         """Whether the slope here stands two standard deviations clear of 0, and is not flat."""
-        d = self._difference(panel)
-        return abs(float(d @ self._mean)) > max(
-            2 * math.sqrt(max(float(d @ self._cov @ d), 0.0)), self._least
-        )
+        _, d = self._curve(panel)
+        error = math.sqrt(max(float(d @ self._cov @ d), 0.0))
+        return abs(float(d @ self._mean)) > max(2 * error, self._least)
 
     def fade(self, var: float) -> None:
         """Become less sure of how strong the vest is felt altogether."""
-        n = len(_KNOTS)
-        for place in range(2):
-            at = slice(1 + place * n, 1 + (place + 1) * n)
-            self._cov[at, at] += var
+        back = 1 + len(_KNOTS)
+        self._cov[1:back, 1:back] += var
+        self._cov[back:, back:] += var
 
     def observe(self, level: float, var: float) -> None:
         """Take in one independent reading of the closure."""
-        h = np.zeros(len(self._mean))
-        h[0] = 1.0
-        self._take(level - self.x, h, var, share=1.0, learns=True)
+        self._take(level - self.x, np.eye(1, len(self._mean))[0], var, share=1.0, learns=True)
 
     def feel(self, panel: Panel, y: float, var: float, *, fresh: bool = True) -> None:
         """Take in a panel's mean log intensity; moves the closure by as much as the panel is trusted.
@@ -142,9 +136,8 @@ class Closure:
         one. Only then curve and trust are learned; later, muscles having slackened, a change is one of the
         closure.
         """
-        h = self._curve(panel)
+        h, d = self._curve(panel)
         surprise = y - float(h @ self._mean)
-        d = self._difference(panel)
         h[0] = float(d @ self._mean)
         # The slope is not known either: of second order, but what keeps an unlearned panel from being read.
         var += float(d @ self._cov @ d) * self.var
@@ -155,26 +148,15 @@ class Closure:
             self.log_odds[panel] = min(max(odds, -_MOST_ODDS), _MOST_ODDS)
         self._take(surprise, h, var, share=self.trust(panel), learns=fresh)
 
-    def _curve(self, panel: Panel) -> NDArray[np.float64]:
-        """Weights of the knots at the closure believed in, in the state."""
-        h = np.zeros(len(self._mean))
-        left, part = self._place()
-        at = 1 + _PANEL_PLACE[panel] * len(_KNOTS) + left
-        h[at], h[at + 1] = 1 - part, part
-        return h
-
-    def _difference(self, panel: Panel) -> NDArray[np.float64]:
-        d = np.zeros(len(self._mean))
-        left, _ = self._place()
-        at = 1 + _PANEL_PLACE[panel] * len(_KNOTS) + left
-        step = float(_KNOTS[1] - _KNOTS[0])
-        d[at], d[at + 1] = -1 / step, 1 / step
-        return d
-
-    def _place(self) -> tuple[int, float]:
-        step = float(_KNOTS[1] - _KNOTS[0])
-        left = min(max(int((self.x - _KNOTS[0]) / step), 0), len(_KNOTS) - 2)
-        return left, min(max((self.x - float(_KNOTS[left])) / step, 0.0), 1.0)
+    def _curve(self, panel: Panel) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the weights of the knots in the state for a panel's curve, and for its slope, at the closure."""
+        h, d = np.zeros((2, len(self._mean)))
+        left = min(max(int((self.x - _KNOTS[0]) / _STEP), 0), len(_KNOTS) - 2)
+        part = min(max((self.x - float(_KNOTS[left])) / _STEP, 0.0), 1.0)
+        at = 1 + (len(_KNOTS) if panel == "back" else 0) + left
+        h[at : at + 2] = 1 - part, part
+        d[at : at + 2] = -1 / _STEP, 1 / _STEP
+        return h, d
 
     def _take(
         self, surprise: float, h: NDArray[np.float64], var: float, *, share: float, learns: bool

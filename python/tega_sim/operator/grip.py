@@ -39,13 +39,10 @@ _CAUSED_BY_TIGHTENING = {"deformation": True, "slip": False}
 class Decision(NamedTuple):
     """A command of the person.
 
-    ``why`` is the rule: ``close``, ``slip``, ``weaker``, ``deformation``, ``cost``, ``open``. ``change`` is
-    by how many levels the present closure is corrected; ``None`` for a new movement to ``level``.
+    ``change`` is by how many levels the present closure is corrected; ``None`` for a new movement to ``level``.
     """
 
-    t_s: float
     level: int
-    why: str
     change: float | None = None
 
 
@@ -55,17 +52,16 @@ class GripDecisions:
     ``away_m`` is how far back the place is where the object is put down; 0 is where it stood.
     """
 
-    def __init__(self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm) -> None:
+    def __init__(
+        self, person: PersonNumbers, belief: ObjectBelief, forearm: SimulatedForearm, *, away_m: float = 0.0
+    ) -> None:
         self._grip, self._arm, self._aim_sd = person.grip, person.forearm, person.motor.aim_sd
         self.belief, self.closure, self.forearm = belief, belief.closure, forearm
-        self.phase = "reach"
-        self.away_m = 0.0
-        self.level = 1
+        self.phase, self.level = "reach", 1
+        self._away_m = away_m
         self.closure.set(1.0, self._renewed(1))
         self._tightened, self._suffices = False, _NEVER
-        self._commanded_s = 0.0
-        self._free_s = 0.0
-        self._phase_s = 0.0
+        self._commanded_s = self._free_s = self._phase_s = 0.0
         self._contact_s: float | None = None
         # What this command has taught so far: each once.
         self._judged = self._posed = self._need_reported = self._harm_reported = False
@@ -123,12 +119,14 @@ class GripDecisions:
         kinds = {event.kind for event in events}
         if self.phase == "grasp" and self._contact_s is None and kinds & _CONTACT:
             self._contact_s = t_s
-        level, why = self._task(t_s, scene)
-        if level is None and self.touching:
-            self._learn(t_s, events)
-            if t_s >= self._free_s:
-                level, why = self._adjust({event.kind for event in events if not self._precedes(event)})
-        return None if level is None else self._command(t_s, level, why)
+        if (level := self._task(t_s, scene)) is not None:
+            return self._command(t_s, level, anew=True)
+        if not self.touching:
+            return None
+        self._learn(t_s, events)
+        if t_s >= self._free_s:
+            level = self._adjust({event.kind for event in events if not self._precedes(event)})
+        return None if level is None else self._command(t_s, level)
 
     def _learn(self, t_s: float, events: list[SeenEvent]) -> None:
         if self._need_reported and self.closure.x < self._suffices - self._grip.belief_floor_sd:
@@ -162,20 +160,20 @@ class GripDecisions:
         own = event.began_s >= self._commanded_s and caused is self._tightened
         return event.began_s < self._commanded_s + self._grip.closing_step_s and not own
 
-    def _adjust(self, kinds: set[Kind]) -> tuple[int | None, str]:
+    def _adjust(self, kinds: set[Kind]) -> int | None:
         # Less than this cannot be told from the middle of the level.
         lost = self.level - self.closure.x
         if self.phase in _HELD and "slip" in kinds:
             self._barred = -1
-            return self._best((0, 1) if lost > self._grip.closure_sd else (1,)), "slip"
+            return self._best((0, 1) if lost > self._grip.closure_sd else (1,))
         if "deformation" in kinds:
             self._barred = 1
-            return self._best((-1, 0) if -lost > self._grip.closure_sd else (-1,)), "deformation"
+            return self._best((-1, 0) if -lost > self._grip.closure_sd else (-1,))
         here = cost(self.belief, self.closure.x, self.closure.var)
         if self.phase in _HELD and "weaker" in kinds and self._expected(self.level) < here:
-            return self.level, "weaker"
+            return self.level
         level = self._best(tuple(step for step in (-1, 0, 1) if step == 0 or step != self._barred))
-        return (level, "cost") if here - self._expected(level) > self._grip.gain_to_act else (None, "")
+        return level if here - self._expected(level) > self._grip.gain_to_act else None
 
     def _best(self, steps: tuple[int, ...]) -> int:
         lowest = max(self._least, _LOOSEST)
@@ -193,10 +191,10 @@ class GripDecisions:
         """Variance of the closure after a correction to a level."""
         return self.closure.var + (self._aim_sd * (level - self.closure.x)) ** 2
 
-    def _command(self, t_s: float, level: int, why: str) -> Decision:
+    def _command(self, t_s: float, level: int, *, anew: bool = False) -> Decision:
         self._before = x, _ = (self.closure.x, self.closure.var)
         renewed, corrected = self._renewed(level), self._corrected(level)
-        corrects = why not in {"close", "open"} and corrected < renewed
+        corrects = not anew and corrected < renewed
         self.closure.set(float(level), corrected if corrects else renewed)
         self._tightened = self.closure.x > x
         self.level, self._suffices = level, _NEVER
@@ -204,9 +202,9 @@ class GripDecisions:
         # The sense of effort is off by the same share as before a correction: nothing new is learned from it.
         self._judged = corrects
         self._posed = self._need_reported = self._harm_reported = False
-        return Decision(t_s, level, why, level - x if corrects else None)
+        return Decision(level, level - x if corrects else None)
 
-    def _task(self, t_s: float, scene: WorldTruth) -> tuple[int | None, str]:
+    def _task(self, t_s: float, scene: WorldTruth) -> int | None:
         """Go through the phases; return a level where the phase itself asks for one."""
         arm, forearm = self._arm, self.forearm
         if self.phase in _HELD and scene.dropped:
@@ -225,30 +223,26 @@ class GripDecisions:
                 self._enter("hold", t_s)
         else:
             return self._put_back(t_s)
-        return None, ""
+        return None
 
-    def _close(self, t_s: float) -> tuple[int | None, str]:
+    def _close(self, t_s: float) -> int | None:
         grip, waited = self._grip, t_s - self._commanded_s
         direct = self.belief.need[1] < grip.direct_sd or self._attempts > 1
         if self.level == 1:
             best = best_level(self.belief, self._aim_sd) if direct else _LOOSEST
-            return max(best, self._least, _LOOSEST), "close"
+            return max(best, self._least, _LOOSEST)
         if self._contact_s is not None:
-            if t_s - self._contact_s >= grip.contact_wait_s:
-                self._lift(t_s)
-            return None, ""
-        if waited < (grip.closing_wait_s if direct or self.level == 5 else grip.closing_step_s):
-            return None, ""
-        if self.level == 5:
-            self._lift(t_s)
-            return None, ""
-        return self.level + 1, "close"
+            ready = t_s - self._contact_s >= grip.contact_wait_s
+        else:
+            ready = waited >= (grip.closing_wait_s if direct or self.level == 5 else grip.closing_step_s)
+            if ready and self.level < 5:
+                return self.level + 1
+        if ready:
+            self._enter("lift", t_s)
+            self.forearm.move((self._arm.lift_m, 0.0), t_s, self._arm.lift_s)
+        return None
 
-    def _lift(self, t_s: float) -> None:
-        self._enter("lift", t_s)
-        self.forearm.move((self._arm.lift_m, 0.0), t_s, self._arm.lift_s)
-
-    def _missed(self, t_s: float) -> tuple[int | None, str]:
+    def _missed(self, t_s: float) -> int:
         """The object stayed behind: learn from it, go back down open, try again more firmly or give up."""
         late = t_s < self._commanded_s + self._grip.closing_step_s
         self.belief.slipped(*(self._before if late else (self.closure.x, self.closure.var)))
@@ -259,37 +253,32 @@ class GripDecisions:
         self._contact_s = None
         self._enter("reach", t_s)
         self.forearm.move((0.0, 0.0), t_s, self._arm.reach_s)
-        return 1, "open"
+        return 1
 
-    def _put_back(self, t_s: float) -> tuple[int | None, str]:
+    def _put_back(self, t_s: float) -> int | None:
         """Go through the phases from the hold on: carry where there is a second place, put down, let go, draw back."""
         arm, forearm = self._arm, self.forearm
-        if self.phase == "hold" and t_s - self._phase_s >= arm.hold_s:
-            if self.away_m:
-                self._enter("carry", t_s)
-                forearm.move((arm.lift_m, self.away_m), t_s, arm.reach_s)
-            else:
-                self._put_down(t_s)
-        elif self.phase == "carry" and forearm.still(t_s, arm.settle_s):
-            self._put_down(t_s)
+        held = self.phase == "hold" and t_s - self._phase_s >= arm.hold_s
+        if held and self._away_m:
+            self._enter("carry", t_s)
+            forearm.move((arm.lift_m, self._away_m), t_s, arm.reach_s)
+        elif held or (self.phase == "carry" and forearm.still(t_s, arm.settle_s)):
+            self._enter("place", t_s)
+            forearm.move((0.0, self._away_m), t_s, arm.place_s)
         elif self.phase == "place" and forearm.still(t_s, arm.settle_s):
             return self._let_go(t_s)
         elif self.phase == "release" and t_s - self._phase_s >= arm.release_s:
-            away_m = min(self.away_m + arm.back_m, max(FARTHEST_M, arm.back_m))
+            away_m = min(self._away_m + arm.back_m, max(FARTHEST_M, arm.back_m))
             if forearm.at_m == (0.0, away_m):
                 self._enter("done", t_s)
             elif forearm.still(t_s, arm.settle_s):
                 forearm.move((0.0, away_m), t_s, arm.reach_s)
-        return None, ""
+        return None
 
-    def _put_down(self, t_s: float) -> None:
-        self._enter("place", t_s)
-        self.forearm.move((0.0, self.away_m), t_s, self._arm.place_s)
-
-    def _let_go(self, t_s: float) -> tuple[int | None, str]:
+    def _let_go(self, t_s: float) -> int:
         self._enter("release", t_s)
         self._contact_s = None
-        return 1, "open"
+        return 1
 
     def _enter(self, phase: str, t_s: float) -> None:
         self.phase, self._phase_s = phase, t_s

@@ -36,28 +36,22 @@ class MuscleMotor:
         self, motor: MotorSection, *, full_effort: float, aim: np.random.Generator, sense: np.random.Generator
     ) -> None:
         self._p, self._full, self._aim, self._sense = motor, full_effort, aim, sense
-        self._target = self._first = self._shaped = 0.0
+        self._target = self._first = self._shaped = self._activation = 0.0
         self._share = 1.0
-        self._activation = 0.0
         self._felt: deque[tuple[float, float]] = deque()
-        self._felt_now = 0.0
-        self._bias = 0.0
-        self.excitation = 0.0
+        self._felt_now = self._bias = self.excitation = 0.0
 
     def command(self, level: int) -> None:
         """Aim at a level; slack restarts."""
         error, floor = self._aim.standard_normal(2)
         self._set_out(level_effort(self._p, level) * (1 + self._p.aim_sd * error) + self._p.aim_floor * floor)
 
-    def correct(self, effort: float) -> None:
-        """Aim at an effort, a share of that at Emax, from the one that is made now; the error goes with the change."""
-        error, floor = self._aim.standard_normal(2)
-        change = effort - self.excitation / self._full
-        self._set_out(effort + change * self._p.aim_sd * error + self._p.aim_floor * floor)
-
     def shift(self, levels: float) -> None:
         """Change the aim by so many levels from the effort that is made now; the error goes with the change."""
-        self.correct(self.excitation / self._full + levels / 4)
+        error, floor = self._aim.standard_normal(2)
+        now = self.excitation / self._full
+        effort = now + levels / 4
+        self._set_out(effort + (effort - now) * self._p.aim_sd * error + self._p.aim_floor * floor)
 
     def _set_out(self, share: float) -> None:
         self._target = min(max(self._full * float(share), 0.0), _MOST)
@@ -100,9 +94,8 @@ class SimulatedForearm:
     """
 
     def __init__(self, start_m: tuple[float, float]) -> None:
-        self._from = self._to = start_m
-        self._start_s, self._duration_s = 0.0, 0.0
-        self.at_m = start_m
+        self._from = self._to = self.at_m = start_m
+        self._start_s = self._duration_s = 0.0
 
     def move(self, to_m: tuple[float, float], t_s: float, duration_s: float) -> None:
         """Set out from where the hand is now; it arrives ``duration_s`` later."""
@@ -113,10 +106,8 @@ class SimulatedForearm:
         """Return the place at ``t_s``."""
         share = 1.0 if self._duration_s <= 0 else min(max((t_s - self._start_s) / self._duration_s, 0.0), 1.0)
         eased = share**3 * (10 - 15 * share + 6 * share * share)
-        self.at_m = (
-            self._from[0] + (self._to[0] - self._from[0]) * eased,
-            self._from[1] + (self._to[1] - self._from[1]) * eased,
-        )
+        (height, back), (up, away) = self._from, self._to
+        self.at_m = (height + (up - height) * eased, back + (away - back) * eased)
         return self.at_m
 
     def still(self, t_s: float, settle_s: float) -> bool:

@@ -80,13 +80,9 @@ class Parameters(msgspec.Struct, frozen=True):
         return self.digest == FROZEN_SHA256
 
     def of_everyone(self, values: Mapping[str, float]) -> Parameters:
-        """Return the population in which everybody has these values; the digest stays that of the file.
+        """Return the population in which everybody has these values, by ``section.name``; the digest stays.
 
-        Args:
-            values: By ``section.name``.
-
-        Raises:
-            ConfigError: There is no such parameter, or a value is not within its bounds.
+        An unknown parameter, or a value out of its bounds, raises :class:`ConfigError`.
 
         Example:
             >>> load_parameters().of_everyone({"vest.weber": 0.5}).sections["vest"]["weber"].sd
@@ -105,12 +101,7 @@ class Parameters(msgspec.Struct, frozen=True):
 
 
 class PersonNumbers(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """One person's numbers; units as in the parameter file.
-
-    ``body`` is the age and what follows from it, ``vision`` noticing and delays of sight, ``vest`` the sense
-    of the vest on the torso, ``grip`` guesses, costs and pace, ``motor`` the way from commands to excitation,
-    ``forearm`` movements of the hand as a whole, ``emg`` muscles, electrodes and amplifier.
-    """
+    """One person's numbers; units as in the parameter file."""
 
     body: BodySection
     vision: Vision
@@ -128,13 +119,14 @@ def load_parameters(path: Path | None = None) -> Parameters:
     """
     source = files("tega_sim.operator") / "parameters.toml" if path is None else path
     content = source.read_bytes() if path is None else read_foreign(path, most_mib=1, error=ConfigError)
-    hint = "every parameter needs value, low, high, unit, mark and source"
     try:
         tree = parse_toml(content.decode("utf-8-sig"))
         sections = msgspec.convert(tree, dict[str, dict[str, Parameter]])
         msgspec.convert(_values(sections), PersonNumbers)
     except (ValueError, msgspec.ValidationError) as error:
-        raise ConfigError(f"{source.name}: {error}", hint) from error
+        raise ConfigError(
+            f"{source.name}: {error}", "every parameter needs value, low, high, unit, mark and source"
+        ) from error
     parameters = Parameters(sections, hashlib.sha256(content).hexdigest())
     for section, name, p in parameters:
         if not p.low <= p.value <= p.high:

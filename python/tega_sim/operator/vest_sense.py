@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -40,23 +41,15 @@ class Skin:
         self.look_sd = math.log1p(vest.weber) / _TWO_GLANCES
         self._adapted = np.ones((2, 4))
 
-    def begin(
-        self,
-        *,
-        rest_s: float,
-        noise: np.random.Generator,
-        reaction: np.random.Generator,
-        link: np.random.Generator,
-    ) -> None:
-        """Start a trial after a rest, motors still."""
-        self._noise, self._reaction, self._link = noise, reaction, link
+    def begin(self, rest_s: float, process: Callable[[str], np.random.Generator]) -> None:
+        """Start a trial after a rest, motors still; ``process`` returns the random stream of a name."""
+        self._noise, self._link = process("vest"), process("link")
+        self._reaction = process("tactile reaction")
         self._adapted = 1 + (self._adapted - 1) * math.exp(-rest_s / self._p.adapt_s)
-        self._moving = np.zeros((2, 4))
-        self._target = np.zeros((2, 4))
+        self._moving, self._target = np.zeros((2, 4)), np.zeros((2, 4))
         self._queue: deque[tuple[float, NDArray[np.float64]]] = deque()
         self._last_frame: MotorLevels | None = None
-        n_checks = round(2 * self._p.compare_s / POLL_S)
-        self.looks: deque[Glance] = deque(maxlen=n_checks)
+        self.looks: deque[Glance] = deque(maxlen=round(2 * self._p.compare_s / POLL_S))
         self._next_compare_s = 0.0
 
     def feel(self, t_s: float, dt_s: float, frame: MotorLevels | None) -> None:
@@ -79,8 +72,7 @@ class Skin:
     def check(self, t_s: float, dt_s: float) -> Glance:
         """Attend to the vest once; adaptation goes on by ``dt_s``."""
         p = self._p
-        drift = dt_s / p.adapt_s
-        self._adapted += (1 + p.adapt_gain * self._moving - self._adapted) * drift
+        self._adapted += (1 + p.adapt_gain * self._moving - self._adapted) * (dt_s / p.adapt_s)
         missed, swapped = self._noise.random((2, 2))
         errors = self._noise.standard_normal(2)
         side = np.zeros((2, 4))
@@ -96,28 +88,21 @@ class Skin:
 
     def onset(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling something after silence, if that was the last look."""
-        *before, last = self.looks
-        if (last.front is None and last.back is None) or not before:
-            return None
-        silent = all(
-            check.front is None and check.back is None
-            for check in before[-round(self._p.compare_s / POLL_S) :]
-        )
-        return self._noticed(t_s, "onset") if silent else None
+        *before, last = self._recent()
+        silent = before and all(check.front is None and check.back is None for check in before)
+        return self._noticed(t_s, "onset") if silent and (last.front, last.back) != (None, None) else None
 
     def slip_pulse(self, t_s: float) -> SeenEvent | None:
         """Return the event of feeling both faces at once after neither was, if that was the last look.
 
         A pulse on one face alone, contact or release of a finger, needs no answer while an object is held.
         """
-        *before, last = self.looks
-        if last.front is None or last.back is None or not before:
-            return None
-        both = any(
-            check.front is not None and check.back is not None
-            for check in before[-round(self._p.compare_s / POLL_S) :]
-        )
-        return None if both else self._noticed(t_s, "slip")
+        *before, now = (None not in {check.front, check.back} for check in self._recent())
+        return self._noticed(t_s, "slip") if now and before and not any(before) else None
+
+    def _recent(self) -> list[Glance]:
+        """Return the last look, and those of half a second before it."""
+        return list(self.looks)[-1 - round(self._p.compare_s / POLL_S) :]
 
     def weaker(self, t_s: float, falls: tuple[bool | None, bool | None]) -> SeenEvent | None:
         """Compare the last half second with the one before, a few times a second.
@@ -128,13 +113,14 @@ class Skin:
         if t_s < self._next_compare_s or len(self.looks) < (self.looks.maxlen or 0):
             return None
         self._next_compare_s = t_s + self._p.compare_every_s
-        half = len(self.looks) // 2
-        looks = list(self.looks)
+        half, looks = len(self.looks) // 2, list(self.looks)
         for panel, sign in zip(("front", "back"), falls, strict=True):
             if sign is None:
                 continue
-            before = [y for check in looks[:half] if (y := getattr(check, panel)) is not None]
-            after = [y for check in looks[half:] if (y := getattr(check, panel)) is not None]
+            before, after = (
+                [y for check in some if (y := getattr(check, panel)) is not None]
+                for some in (looks[:half], looks[half:])
+            )
             if self._fell(before, after, half) if sign else self._fell(after, before, half):
                 return self._noticed(t_s, "weaker")
         return None

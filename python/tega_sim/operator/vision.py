@@ -7,6 +7,7 @@ Slip follows the law of Dzhafarov, Sekuler and Allik (1993): the reaction time t
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Final, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -34,11 +35,6 @@ are 0.55 m at 1.5 m. ``hidden``: the grip is out of sight, behind the hand or a 
 _DOUBLED_DEG: Final = 2.5
 
 
-def blur(eccentricity_deg: float) -> float:
-    """Return how many times larger a motion or a size has to be than where the eyes are, to be seen as well."""
-    return 1 + eccentricity_deg / _DOUBLED_DEG
-
-
 class SeenEvent(NamedTuple):
     """Slip, deformation or other event that the person notices.
 
@@ -59,44 +55,35 @@ def reaction_s(
     rng: np.random.Generator, mean_ms: float, sigma_ms: float, tau_ms: float, floor_ms: float
 ) -> float:
     """Draw a reaction time, seconds: Gaussian plus exponential with the given mean, not below the floor."""
-    drawn = (
-        mean_ms
-        - tau_ms
-        + sigma_ms * float(rng.standard_normal())
-        + tau_ms * float(rng.standard_exponential())
-    )
-    return max(drawn, floor_ms) / 1e3
+    drawn = mean_ms - tau_ms + sigma_ms * float(rng.standard_normal())
+    return max(drawn + tau_ms * float(rng.standard_exponential()), floor_ms) / 1e3
 
 
 class Eyes:
     """One person's sight during a trial.
 
-    The object's width is plain to see; ``view`` is where the eyes are while it is held. ``bears_m`` is the
-    narrowing from which the object counts as harmed, which the person knows; 0 if unknown. Random streams:
-    ``looks`` of detections at a look, ``poses`` of how the hand's pose is misread, ``reaction`` of the
-    reaction times.
+    ``process`` returns the random stream of a name. The object's width is plain to see; ``view`` is where the
+    eyes are while it is held. ``bears_m`` is the narrowing from which the object counts as harmed, which the
+    person knows; 0 if unknown.
     """
 
     def __init__(
         self,
         vision: Vision,
+        process: Callable[[str], np.random.Generator],
         *,
         width_m: float,
-        gaze: np.random.Generator,
-        looks: np.random.Generator,
-        poses: np.random.Generator,
-        reaction: np.random.Generator,
         view: ViewName = "direct",
         bears_m: float = 0.0,
     ) -> None:
         self._aside_deg, self._elsewhere = VIEWS[view], False
         self._p, self._width_m = vision, width_m
         self._bears, self._judged = bears_m / width_m, 0.0
-        self._gaze, self._checks, self._poses, self._reaction = gaze, looks, poses, reaction
-        self._motion = 0.0
-        self._next_check_s = 0.0
+        self._gaze, self._checks = process("gaze"), process("vision")
+        self._poses, self._reaction = process("pose"), process("visual reaction")
+        self._motion = self._next_check_s = 0.0
         self._last_distance_m: float | None = None
-        self.on_hand = True
+        self._on_hand = True
 
     def observe(
         self, t_s: float, dt_s: float, scene: WorldTruth, *, carried: bool, lifting: bool, held: bool = False
@@ -116,7 +103,7 @@ class Eyes:
         if t_s >= self._next_check_s:
             self._next_check_s = t_s + self._p.look_s
             share = self._p.gaze_transport if carried else self._p.gaze_grasp
-            self.on_hand = bool(self._gaze.random() < share)
+            self._on_hand = bool(self._gaze.random() < share)
             events += self._check(t_s, scene)
         return events
 
@@ -127,7 +114,7 @@ class Eyes:
 
     @property
     def _looking(self) -> bool:
-        return math.isfinite(self._aside_deg) if self._elsewhere else self.on_hand
+        return math.isfinite(self._aside_deg) if self._elsewhere else self._on_hand
 
     def _check(self, t_s: float, scene: WorldTruth) -> list[SeenEvent]:
         deformed, touched = self._checks.random(2)
@@ -159,8 +146,8 @@ class Eyes:
 
     @property
     def _blurred(self) -> float:
-        """How many times larger a size has to be to be seen as well as where the eyes are."""
-        return blur(self._aside_deg) if self._elsewhere else 1.0
+        """How many times larger or faster something has to be, to be seen as well as where the eyes are."""
+        return 1 + self._aside_deg / _DOUBLED_DEG if self._elsewhere else 1.0
 
     def _relative_speed_m_s(self, dt_s: float, scene: WorldTruth, *, lifting: bool) -> float:
         """Speed of the object against the fingers, whether it slides in the grasp or stays behind on the table."""
@@ -171,9 +158,7 @@ class Eyes:
         return max(scene.slip_m_s, behind, 0.0)
 
     def _integrate(self, dt_s: float, speed_m_s: float) -> None:
-        w = _DEGREES * speed_m_s / self._p.distance_m
-        if self._elsewhere:
-            w /= blur(self._aside_deg)
+        w = _DEGREES * speed_m_s / self._p.distance_m / self._blurred
         gained = w ** (2 / 3) * dt_s if self._looking and w > self._p.motion_floor_deg_s else 0.0
         self._motion += gained - self._motion * dt_s / self._p.motion_leak_s
 

@@ -16,9 +16,10 @@ Contents and limits: ``docs/evidence/sim.md``. Needs the extra ``sim``.
 from __future__ import annotations
 
 from tega.hand.mjcf import FULL_DUTY_NM, TORQUE_LIMITS_NM
+from tega_sim.world.body import Shape
 from tega_sim.world.objects import OBJECTS, ObjectRecord, ObjectSpec, crossed, read_objects
-from tega_sim.world.poses import GRASP_POSES_RAD, hand_controller
-from tega_sim.world.world import Shape, World
+from tega_sim.world.scene import GRASP_POSES_RAD, hand_controller
+from tega_sim.world.world import World
 
 __all__ = [
     "FULL_DUTY_NM",

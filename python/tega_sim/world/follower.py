@@ -7,12 +7,10 @@ compensated for gravity and for the hand it carries, as the real one is, and is 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from numpy.typing import NDArray
 
 ARM_LIMITS_RAD: Final = np.array(
     [

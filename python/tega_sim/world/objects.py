@@ -98,11 +98,7 @@ class ObjectSpec(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def with_(self, **changes: object) -> ObjectSpec:
         """Return the same object with some attributes changed.
 
-        Args:
-            changes: New values by attribute name.
-
-        Raises:
-            InvalidValueError: There is no such attribute, or a value is out of its range.
+        An unknown attribute, or a value out of its range, raises :class:`InvalidValueError`.
 
         Example:
             >>> OBJECTS["bottle"].with_(mass_kg=0.53).mass_kg
@@ -155,19 +151,10 @@ def crossed(
     stiffness_n_m: Sequence[float] = (),
     friction: Sequence[float] = (),
 ) -> dict[str, ObjectSpec]:
-    """Cross objects with values of mass, stiffness and friction, for a factorial plan.
+    """Cross objects with values of mass, stiffness and friction, for a factorial plan; none leaves each its own.
 
-    Args:
-        specs: The objects.
-        mass_kg: Values of it; none leaves each object's own, as with the following.
-        stiffness_n_m: Stiffness of the wall.
-        friction: Between object and gel.
-
-    Returns:
-        A variant for each combination, with a descriptive name such as ``bag_600g_mu30``.
-
-    Raises:
-        InvalidValueError: A value is out of range.
+    Returns a variant for each combination, by a name such as ``bag_600g_mu30``; a value out of range raises
+    :class:`InvalidValueError`.
 
     Example:
         >>> list(crossed([OBJECTS["bag"]], mass_kg=[0.3, 0.6], friction=[0.5]))
@@ -201,9 +188,7 @@ def _record(name: str, table: dict[str, Any], where: str) -> ObjectRecord:
     plain_name(name, subject="object", source=where)
     ranges = msgspec.convert(table.pop("range", {}), dict[str, tuple[float, float]])
     source = msgspec.convert(table.pop("source", {}), dict[str, str])
-    if missing := sorted(
-        {"mass_kg", "stiffness_n_m", "friction", "harm_m"} - {k for k, v in source.items() if v}
-    ):
+    if missing := sorted({*_IN_NAME, "harm_m"} - {k for k, v in source.items() if v}):
         raise ConfigError(
             f"{where}: object {name!r} has no source for {', '.join(missing)}",
             f"write it under [{name}.source]",

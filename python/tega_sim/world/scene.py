@@ -1,4 +1,4 @@
-"""Build the whole scene as one MuJoCo model, and set how its physics is solved.
+"""Build the whole scene as one MuJoCo model, set how its physics is solved, and set the hand's closure poses.
 
 The lifted object is a rigid core with a shell for each finger. Each shell is the whole outer surface, seen by one
 finger only, on two springs across the horizontal plane: so each finger dents the wall where it is, without denting it
@@ -8,19 +8,17 @@ for the others. The palm and the table meet the core.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import MissingExtraError
+from tega.hand import HandController
 from tega.hand.mjcf import hand_actuators, hand_body
 from tega.wire import HAND_FINGERS
 from tega_sim.world.follower import arm_actuators, arm_body
 from tega_sim.world.objects import ObjectSpec
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 
 PALM_ROTATION: Final = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 """Palm to world: the fingers point along x, the palm faces y, the index finger is on top. float64 (3, 3)."""
@@ -152,3 +150,25 @@ def preamble(timestep_s: float) -> str:
         f'<option timestep="{timestep_s}" jacobian="sparse" {_SOLVER}><flag autoreset="disable"/></option>'
         f"<default>{defaults}</default>"
     )
+
+
+# Levels 1 (open) to 5 (tight): a finger's joints, the thumb's. Open, but no wider than the objects ask for. From level
+# 2 on pads meet the objects (`tega_figures.pads.design` of 219d27ec); levels 3 to 5 were made firmer by hand, as far as
+# no joint has more than 0.219, 0.287 and 0.384 torque units, the largest with the poses of before.
+_LEVELS_RAD: Final = (
+    ((0.0, 0.500, 0.400, 0.300), (1.35, 0.200, -0.140, 0.400)),
+    ((0.0, 1.045, 0.954, 0.477), (1.35, 0.033, 0.224, 0.981)),
+    ((0.0, 1.165, 1.055, 0.490), (1.35, 0.050, 0.598, 1.100)),
+    ((0.0, 1.190, 1.142, 0.470), (1.35, 0.097, 0.720, 1.120)),
+    ((0.0, 1.315, 1.180, 0.460), (1.35, 0.230, 0.820, 1.170)),
+)
+
+
+GRASP_POSES_RAD: Final = np.array([(*finger, *finger, *finger, *thumb) for finger, thumb in _LEVELS_RAD])
+GRASP_POSES_RAD.flags.writeable = False
+"""Joint angles of levels 1 (open) to 5 (tight), float64 (5, 16); read-only."""
+
+
+def hand_controller() -> HandController:
+    """Return the real controller with the bench's poses; everything else is its default."""
+    return HandController(poses_rad=GRASP_POSES_RAD)

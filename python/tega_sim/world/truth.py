@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from tega import _native
 from tega.hand.mjcf import PAD_HALF_LENGTH_M, PAD_RADIUS_M
@@ -20,9 +21,6 @@ from tega.wire import HAND_FINGERS
 from tega_sim.seams import Indenter, WorldTruth
 from tega_sim.world.body import LiftedBody
 from tega_sim.world.objects import ObjectSpec
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 
 class PadContacts:

@@ -3,31 +3,24 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import InvalidValueError, ShapeError
 from tega.hand.mjcf import TORQUE_LIMITS_NM, joint_names
+from tega_sim.seams import Indenter, WorldTruth
 from tega_sim.world.body import LiftedBody, Shape
 from tega_sim.world.follower import ArmFollower
 from tega_sim.world.objects import OBJECTS, ObjectSpec
-from tega_sim.world.poses import GRASP_POSES_RAD
-from tega_sim.world.scene import PALM_ROTATION, build, grasp_palm_m, import_mujoco, step_s
+from tega_sim.world.scene import GRASP_POSES_RAD, PALM_ROTATION, build, grasp_palm_m, import_mujoco, step_s
 from tega_sim.world.truth import PadContacts, Witness
-
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-    from tega_sim.seams import Indenter, WorldTruth
-
-__all__ = ["Shape", "World"]
 
 _ATTEND_S = 12e-3
 _SETTLE_S = 0.3
 _PLACING_M = 1e-3
-_BACK = -np.array([0.5, 0.75**0.5, 0.0])
+_BACK: NDArray[np.float64] = -np.array([0.5, 0.75**0.5, 0.0])
 """The way back from the grasp pose: 30° from straight out of the palm."""
 
 
@@ -49,7 +42,6 @@ class World:
         spec: ObjectSpec | str,
         *,
         seed: int = 0,
-        timestep_s: float | None = None,
         start_m: tuple[float, float] = (0.0, 0.15),
     ) -> None:
         """Build the scene and let the object come to rest."""
@@ -57,7 +49,7 @@ class World:
             if spec not in OBJECTS:
                 raise InvalidValueError(f"there is no object {spec!r}", f"one of {', '.join(OBJECTS)}")
             spec = OBJECTS[spec]
-        self.spec, self._step_s = spec, timestep_s or step_s(spec)
+        self.spec, self._step_s = spec, step_s(spec)
         self.mujoco = mujoco = import_mujoco()
         self.model = model = build(mujoco, spec, self._step_s)
         self.data = data = mujoco.MjData(model)
@@ -74,11 +66,9 @@ class World:
         self._angles[:] = GRASP_POSES_RAD[0]
         self._body = LiftedBody(model, data, spec)
         self._body.move(*np.random.default_rng(seed).normal(0, _PLACING_M, 2))
-        warnings = mujoco.mjtWarning
+        kinds = mujoco.mjtWarning
         self._runaway = [
-            int(warnings.mjWARN_BADQPOS),
-            int(warnings.mjWARN_BADQVEL),
-            int(warnings.mjWARN_BADQACC),
+            int(one) for one in (kinds.mjWARN_BADQPOS, kinds.mjWARN_BADQVEL, kinds.mjWARN_BADQACC)
         ]
         self._steps = 0
         self._attend_every = max(1, round(_ATTEND_S / self._step_s))
@@ -89,8 +79,7 @@ class World:
         self._hold_still(_SETTLE_S)
         self._witness = Witness(model, data, spec, self._touch, self._body)
         self._steps = 0
-        drawn = [i for i in range(model.ngeom) if model.geom_rgba[i, 3] > 0]
-        self._drawn = np.array(drawn)
+        self._drawn = np.flatnonzero(model.geom_rgba[:, 3] > 0)
 
     @property
     def t_s(self) -> float:
@@ -208,18 +197,11 @@ class World:
 
     def shapes(self) -> list[Shape]:
         """Return the primitives to draw, in the order of :meth:`poses`."""
-        kinds: dict[int, Literal["sphere", "capsule", "cylinder", "box", "plane"]] = {
-            0: "plane",
-            2: "sphere",
-            3: "capsule",
-            5: "cylinder",
-            6: "box",
-        }
-        model = self.model
+        kinds, model = self.mujoco.mjtGeom, self.model
         return [
             Shape(
                 model.geom(i).name or f"part{i}",
-                kinds[int(model.geom_type[i])],
+                kinds(model.geom_type[i]).name.removeprefix("mjGEOM_").lower(),
                 tuple(model.geom_size[i].tolist()),
                 tuple(model.geom_rgba[i].tolist()),
             )
@@ -240,13 +222,11 @@ class World:
 
     def mark_m(self, away_m: float) -> NDArray[np.float64]:
         """Return the mark on the table so far back of the one where the object stands, float64 (3,), metres."""
-        mark: NDArray[np.float64] = away_m * _BACK
-        return mark
+        return away_m * _BACK
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
         # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
-        place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
-        return place
+        return self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
 
     def _attend(self) -> None:
         """Do the work between steps: lead the arm, carry the hand's weight, note the state."""

@@ -12,8 +12,7 @@ from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
 from tega_sim.world.body import LiftedBody
 from tega_sim.world.objects import ObjectSpec
-from tega_sim.world.poses import hand_controller
-from tega_sim.world.scene import import_mujoco, object_body, object_tendons, preamble, step_s
+from tega_sim.world.scene import hand_controller, import_mujoco, object_body, object_tendons, preamble, step_s
 from tega_sim.world.world import World
 
 __all__ = ["GRAVITY_M_S2", "LIFT_M", "LiftResult", "lift", "slip_force_n"]

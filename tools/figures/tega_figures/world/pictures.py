@@ -13,7 +13,7 @@ from tega.runtime.lifecycle import require
 from tega_figures.world.lift import LIFT_M
 from tega_figures.world.solids import add_solids
 from tega_sim.world.objects import OBJECTS
-from tega_sim.world.poses import hand_controller
+from tega_sim.world.scene import hand_controller
 from tega_sim.world.world import World
 
 __all__ = ["draw_scene"]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from tega.ui.view.browser.scene import LOOKS, LookPart
-from tega_sim.world.world import Shape
+from tega_sim.world.body import Shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
