@@ -8,14 +8,12 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tega_scene.outcomes import SceneOutcome
-
-_FILE = click.Path(path_type=Path, dir_okay=False)
 
 
 def _size(_ctx: click.Context, _option: click.Parameter, text: str) -> tuple[int, int]:
@@ -76,7 +74,7 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
         click.option(
             "--layout",
             "layout_file",
-            type=_FILE,
+            type=FILE,
             required=required,
             metavar="TAGS.toml",
             help="File that says where the tags are.",
@@ -84,7 +82,7 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
         click.option(
             "--lens",
             "lens_file",
-            type=_FILE,
+            type=FILE,
             required=required,
             metavar="CAM.json",
             help="The camera's intrinsics.",
@@ -95,11 +93,11 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
 
 
 @scene.command(epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml")
-@click.argument("out", type=_FILE, metavar="OUT.pdf")
+@click.argument("out", type=FILE, metavar="OUT.pdf")
 @click.option(
     "--layout",
     "layout_file",
-    type=_FILE,
+    type=FILE,
     metavar="TAGS.toml",
     help="Print this layout's tags; where the file is missing, write the example's into it.",
 )
@@ -132,7 +130,7 @@ def tags(*, out: Path, layout_file: Path | None, as_json: bool) -> None:
 
 @scene.command(epilog="Example: tega-teleop scene calibrate 0 cam.json")
 @click.argument("source")
-@click.argument("out", type=_FILE, metavar="CAM.json")
+@click.argument("out", type=FILE, metavar="CAM.json")
 @_size_option
 @json_option
 def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -> None:
@@ -155,7 +153,7 @@ def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -
 
 
 @scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
-@click.argument("video", type=_FILE)
+@click.argument("video", type=FILE)
 @optics_options
 @click.option(
     "--begin-s", type=float, help="Start of the trial on the video's clock; its first picture unless given."
@@ -193,17 +191,12 @@ def score(
     from tega_scene.track import track_scene
 
     lens, layout = load_lens(lens_file), load_layout(layout_file)
-    pictures = read_pictures(
-        video, begin_s=-math.inf if begin_s is None else begin_s, end_s=math.inf if end_s is None else end_s
-    )
-    outcome = score_scene(
-        track_scene(pictures, lens, layout),
-        layout,
-        begin_s=begin_s,
-        end_s=end_s,
-        harm_m=harm_mm / 1000,
-        mark_m=mark,
-    )
+    within = {
+        "begin_s": -math.inf if begin_s is None else begin_s,
+        "end_s": math.inf if end_s is None else end_s,
+    }
+    track = track_scene(read_pictures(video, **within), lens, layout)
+    outcome = score_scene(track, layout, begin_s=begin_s, end_s=end_s, harm_m=harm_mm / 1000, mark_m=mark)
     if as_json:
         echo_json(msgspec.to_builtins(outcome))
         return
@@ -236,7 +229,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
 @scene.command(
     epilog="Example: tega-teleop scene record session.mcap --camera front=0 --camera side=/dev/video2"
 )
-@click.argument("out", type=_FILE, metavar="OUT.mcap")
+@click.argument("out", type=FILE, metavar="OUT.mcap")
 @click.option(
     "--camera",
     "cameras",
@@ -306,9 +299,9 @@ def record(
 
 
 @scene.command(epilog="Example: tega-teleop scene export session.mcap front front.mp4")
-@click.argument("recording", type=_FILE)
+@click.argument("recording", type=FILE)
 @click.argument("name")
-@click.argument("out", type=_FILE, metavar="OUT.mp4")
+@click.argument("out", type=FILE, metavar="OUT.mp4")
 @json_option
 def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
     """Write a recorded camera as MP4 with a time code beside it (OUT.times.csv); nothing is re-encoded.
@@ -326,7 +319,7 @@ def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
 
 
 @scene.command(epilog="Example: tega-teleop scene flash flashes.csv")
-@click.argument("out", type=_FILE, metavar="FLASHES.csv")
+@click.argument("out", type=FILE, metavar="FLASHES.csv")
 def flash(*, out: Path) -> None:
     """Make this terminal white and black by turns, fewer than two times a second, and write down when.
 
@@ -342,9 +335,9 @@ def flash(*, out: Path) -> None:
 
 
 @scene.command(epilog="Example: tega-teleop scene offset session.mcap front flashes.csv")
-@click.argument("recording", type=_FILE)
+@click.argument("recording", type=FILE)
 @click.argument("name")
-@click.argument("flashes", type=_FILE, metavar="FLASHES.csv")
+@click.argument("flashes", type=FILE, metavar="FLASHES.csv")
 @json_option
 def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
     """Estimate how late a recorded camera is by the light of scene flash, and keep that beside the recording.

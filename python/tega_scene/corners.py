@@ -95,13 +95,12 @@ class TagFinder:
 
     def refined(self, grey: NDArray[np.uint8], corners: NDArray[np.float64]) -> NDArray[np.float64] | None:
         """Return corners at the intersections of the re-measured sides; ``None`` if a side does not settle."""
-        now: NDArray[np.float64] | None = corners
-        before = corners
+        before = now = corners
         for reach_px in _REACHES_PX:
-            if now is None:
+            if (further := self._refined(grey, now, reach_px)) is None:
                 return None
-            before, now = now, self._refined(grey, now, reach_px)
-        return None if now is None or np.abs(now - before).max() > _SETTLED_PX else now
+            before, now = now, further
+        return None if np.abs(now - before).max() > _SETTLED_PX else now
 
     def _refined(
         self, grey: NDArray[np.uint8], corners: NDArray[np.float64], reach_px: float
@@ -109,8 +108,7 @@ class TagFinder:
         """Return where the fitted sides meet; ``None`` where a side cannot be fitted, or leads far away."""
         lines = []
         for k in range(4):
-            line = self._side(grey, corners[k], corners[(k + 1) % 4], reach_px)
-            if line is None:
+            if (line := self._side(grey, corners[k], corners[(k + 1) % 4], reach_px)) is None:
                 return None
             lines.append(line)
         met = np.empty((4, 2))

@@ -169,25 +169,20 @@ def save_layout(file: Path, layout: TagLayout) -> None:
     text = tomlkit.document()
     text.add(tomlkit.comment("Where printed tags are; millimetres, in the axes of each body."))
     text.add("family", tomlkit.item(layout.family))
+    usual = msgspec.to_builtins(PlacedTag(0, 10.0, (0.0, 0.0, 0.0)))
     for name, body in layout.bodies().items():
+        given = msgspec.to_builtins(body)
+        tags = [
+            {k: v for k, v in tag.items() if k in {"id", "size_mm", "at_mm"} or v != usual[k]}
+            for tag in given.pop("tags")
+        ]
         table = {
-            key: value
-            for key, value in msgspec.to_builtins(body).items()
-            if value and key not in {"tags", "cube"}
+            "base_mm": given["base_mm"],
+            "grip_mm": given["grip_mm"],
+            "cube": given["cube"],
+            "tags": tags,
         }
-        if body.cube is not None:
-            table["cube"] = msgspec.to_builtins(body.cube)
-        if body.tags:
-            plain = msgspec.to_builtins(PlacedTag(0, 10.0, (0.0, 0.0, 0.0)))
-            table["tags"] = [
-                {
-                    key: value
-                    for key, value in tag.items()
-                    if key in {"id", "size_mm", "at_mm"} or value != plain[key]
-                }
-                for tag in msgspec.to_builtins(body.tags)
-            ]
-        text.add(name, tree_item(table))
+        text.add(name, tree_item({key: value for key, value in table.items() if value}))
     write_whole(file, tomlkit.dumps(text))
 
 

@@ -23,10 +23,7 @@ class Lens(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Intrinsics of a camera at one resolution: pinhole, with the distortion of OpenCV's five terms.
 
     Attributes:
-        width: Width of a frame, pixels.
-        height: Height of a frame, pixels.
-        fx: Focal length across, pixels.
-        fy: Focal length down, pixels.
+        fx: Focal length across, pixels, as ``fy`` down.
         cx: Where the optical axis meets the picture, pixels from its left; the first pixel's middle is 0.
         cy: The same from its top.
         distortion: k1, k2, p1, p2, k3.
@@ -103,6 +100,13 @@ _SQUARE_MM, _TAG_MM = 32.0, 24.0
 _FAMILY: Final = "aruco-5x5-100"
 _LEAST_CORNERS: Final = 12
 _CELLS: Final = 3
+_PLACES: Final = {
+    "middle": (1, 1),
+    "upper left": (0, 0),
+    "upper right": (2, 0),
+    "lower left": (0, 2),
+    "lower right": (2, 2),
+}
 _SAME_SHARE: Final = 0.06
 _TILT: Final = 0.06
 
@@ -158,15 +162,10 @@ class LensCalibration:
     def wish(self) -> str:
         """Return an instruction for the next view; ``""`` when there are enough of every kind."""
         middles = np.array([sign[:2] for sign in self._signs]).reshape(-1, 2)
-        names = (
-            ("upper left", "top", "upper right"),
-            ("left", "middle", "right"),
-            ("lower left", "bottom", "lower right"),
-        )
-        for row, column in ((1, 1), (0, 0), (0, 2), (2, 0), (2, 2)):
-            low = np.array([column, row]) / _CELLS
+        for name, cell in _PLACES.items():
+            low = np.array(cell) / _CELLS
             if not ((middles >= low - 0.1) & (middles <= low + 1 / _CELLS + 0.1)).all(1).any():
-                return f"hold the board to the {names[row][column]} of the picture, as large as it fits"
+                return f"hold the board to the {name} of the picture, as large as it fits"
         tilts = np.array([sign[3:] for sign in self._signs])
         for axis, words in enumerate(("to one side", "forwards")):
             if (np.abs(tilts[:, axis]) > _TILT).sum() < N_VIEWS // 4:
@@ -190,22 +189,11 @@ class LensCalibration:
                 f"the views fit a flat board to {rms_px:.2f} px, more than {MOST_RMS_PX} px",
                 "glue the print to something flat, hold it still, and take more light",
             )
-        width, height = self._size
+        numbers = (float(matrix[at]) for at in ((0, 0), (1, 1), (0, 2), (1, 2)))
+        terms = np.asarray(distortion, float).ravel()[:5].tolist()
+        values = (*self._size, *numbers, terms, float(rms_px), len(self.views))
         try:
-            return msgspec.convert(
-                {
-                    "width": width,
-                    "height": height,
-                    "fx": float(matrix[0, 0]),
-                    "fy": float(matrix[1, 1]),
-                    "cx": float(matrix[0, 2]),
-                    "cy": float(matrix[1, 2]),
-                    "distortion": np.asarray(distortion, float).ravel()[:5].tolist(),
-                    "rms_px": float(rms_px),
-                    "n_views": len(self.views),
-                },
-                Lens,
-            )
+            return msgspec.convert(dict(zip(Lens.__struct_fields__, values, strict=True)), Lens)
         except msgspec.ValidationError as error:
             raise CalibrationError(
                 f"no lens is like that: {error}", "take views that are tilted and fill the corners"

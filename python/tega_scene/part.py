@@ -89,14 +89,10 @@ class ScenePart(Part):
 
     def summary(self) -> dict[str, Any]:
         """Return each camera's source, rate and counts."""
-        counts = {
-            one.camera.name: {
-                "source": one.camera.source,
-                "rate_hz": one.camera.rate_hz,
-                **msgspec.to_builtins(one.tally),
-            }
-            for one in self._cameras
-        }
+        counts = {}
+        for one in self._cameras:
+            source = {"source": one.camera.source, "rate_hz": one.camera.rate_hz}
+            counts[one.camera.name] = source | msgspec.to_builtins(one.tally)
         return {"scene": counts} if counts else {}
 
     def notes(self) -> list[str]:
@@ -258,15 +254,14 @@ class _FilmingProcess:
     def _publish(self, kind: str, *content: Any) -> None:
         if self._start_ns is None:
             return
-        name, start_ns = self.camera.name, self._start_ns + round(1e6 * self.camera.late_ms)
+        name, video = self.camera.name, self.camera.video
+        start_ns = self._start_ns + round(1e6 * self.camera.late_ms)
         if kind == "shown":
             t_ns, image = content
             self._bus.publish(DisplayPicture(name=name, t_ns=t_ns - start_ns, image=image))
             return
         for t_ns, data in content[0]:
-            self._bus.publish(
-                SceneVideo(camera=name, t_ns=t_ns - start_ns, data=data, video=self.camera.video)
-            )
+            self._bus.publish(SceneVideo(camera=name, t_ns=t_ns - start_ns, data=data, video=video))
 
     def _dark(self) -> None:
         """Show no picture that is of no moment any more."""
