@@ -102,8 +102,6 @@ class Blocks:
         if not good.all():
             given = self._filled(given, good)
         self._last = given[-1].copy()
-        still = np.empty_like(good)
-        still[:] = ~good
         n_before = len(self._waiting)
         if self._offset is not None:
             # What stands still is told from the samples as they came: the filter would ring on after them.
@@ -112,7 +110,7 @@ class Blocks:
         else:
             flat, filtered = given, given
         values = np.concatenate([self._waiting, filtered]) if n_before else filtered
-        lost = np.concatenate([self._waiting_bad, still]) if n_before else still
+        lost = np.concatenate([self._waiting_bad, ~good]) if n_before else ~good
         blocks = []
         tau = self._tau
         n_blocks = len(values) // tau

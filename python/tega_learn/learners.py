@@ -130,8 +130,10 @@ def judge_kept_back(
     fifth = np.minimum((5 * closures).astype(int), 4)
     overall = float(right.mean())
     # Ten blocks' worth of the overall share steady a fifth that has few.
-    shares = [(right[fifth == n].sum() + 10 * overall) / ((fifth == n).sum() + 10) for n in range(5)]
-    return (float(shares[0]), float(shares[1]), float(shares[2]), float(shares[3]), float(shares[4])), novelty
+    a, b, c, d, e = (
+        float((right[fifth == n].sum() + 10 * overall) / ((fifth == n).sum() + 10)) for n in range(5)
+    )
+    return (a, b, c, d, e), novelty
 
 
 LEAST_S: Final = 5.0
@@ -169,21 +171,19 @@ def refitted(model: Model, samples: NDArray[np.float64], target: ArrayLike) -> M
     scorer = BlockScorer(model)
     smoothed = np.array([scorer.smooth(block.samples) for block, ok in zip(blocks, good, strict=True) if ok])
     wanted = _effort_of(model, y[good])
-    old_mean, old_scale = np.array(model.mean), np.array(model.scale)
-    weights = np.array(model.weights)
-    z = (smoothed - old_mean) / old_scale
+    z = (smoothed - np.array(model.mean)) / np.array(model.scale)
     column = np.concatenate([z, np.ones((len(z), 1))], axis=1)
     strength = STRENGTH * len(z) * np.eye(column.shape[1])
     strength[-1, -1] = 1e-6 * len(z)
-    prior = np.append(weights, model.bias)
+    prior = np.append(model.weights, model.bias)
     moved = np.linalg.solve(column.T @ column + strength, column.T @ (wanted - column @ prior))
-    new = prior + moved
+    *weights, bias = (prior + moved).tolist()
     return msgspec.structs.replace(
         model,
-        weights=tuple(float(w) for w in new[:-1]),
-        bias=float(new[-1]),
-        lowest=tuple(float(v) for v in np.minimum(model.lowest, z.min(axis=0))),
-        highest=tuple(float(v) for v in np.maximum(model.highest, z.max(axis=0))),
+        weights=tuple(weights),
+        bias=bias,
+        lowest=tuple(np.minimum(model.lowest, z.min(axis=0)).tolist()),
+        highest=tuple(np.maximum(model.highest, z.max(axis=0)).tolist()),
         recalibrated=datetime.now(UTC).replace(microsecond=0),
     )
 

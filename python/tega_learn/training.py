@@ -7,11 +7,13 @@ import platform
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from functools import partial
+from importlib.metadata import version
 from typing import Any, Final, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tega import __version__
 from tega.emg import InputKind
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 from tega.runtime.lifecycle import require
@@ -157,7 +159,12 @@ def fit(
         full=scale,
         data_sha256=hashlib.sha256(samples.tobytes() + goal.tobytes()).hexdigest(),
         duration_s=len(samples) / rate_hz,
-        versions=_versions(),
+        versions={
+            "tega": __version__,
+            "scikit-learn": version("scikit-learn"),
+            "numpy": np.__version__,
+            "python": platform.python_version(),
+        },
     )
     return LearnedDecoder(found)
 
@@ -279,17 +286,4 @@ def _lag(values: NDArray[np.float64], y: NDArray[np.float64], block_s: float) ->
 
 
 def _tuple(values: NDArray[np.float64]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
-def _versions() -> dict[str, str]:
-    import sklearn
-
-    from tega import __version__
-
-    return {
-        "tega": __version__,
-        "scikit-learn": sklearn.__version__,
-        "numpy": np.__version__,
-        "python": platform.python_version(),
-    }
+    return tuple(values.tolist())

@@ -16,7 +16,6 @@ import msgspec
 from tega.config import FINGERS, ReflexSection, SessionConfig, StageConfig, StagesSection
 from tega.config.calibration import TouchMaxima
 from tega.config.choose import felt_map, grip_reflex, vest_mapping
-from tega.errors import InvalidValueError
 from tega.haptics import FeltMap, Layout, Mirror, MotorLevels
 from tega.loop.reflex import ReflexArc, ReflexInputs
 from tega.loop.touch import TouchLoop
@@ -111,8 +110,7 @@ class TrueTouch(TouchLoop):
     least 30 ms and reach 3 mm, which cannot be known at the start.
 
     ``mirror`` is which faces have their columns reversed, ``felt`` the wearer's thresholds and steps where
-    they are known; ``mapping`` makes the mapping of measured contacts, for display. ``reports`` that are no
-    truth raise :class:`InvalidValueError`.
+    they are known; ``mapping`` makes the mapping of measured contacts, for display.
     """
 
     def __init__(
@@ -125,10 +123,6 @@ class TrueTouch(TouchLoop):
         felt: FeltMap | None = None,
         mapping: Callable[[VestSetup], MappingStage] | None = None,
     ) -> None:
-        if reports not in _DISPLAYED:
-            raise InvalidValueError(
-                f"reports = {reports!r} is no truth", f"choose from {', '.join(_DISPLAYED)}"
-            )
         super().__init__(maxima, layout=layout, mirror=mirror, felt=felt, mapping=mapping)
         displayed: Any = vest_mapping(StagesSection(mapping=_DISPLAYED[reports]), "live")
         self._reported = TouchLoop(maxima, layout=layout, mirror=mirror, felt=felt, mapping=displayed)

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import msgspec
 
 from tega.haptics import MotorLevels, intensity, vest_frame
-from tega_sim.operator import Operator, PersonNumbers, typical_person
+from tega_sim.operator import KeyboardOperator, Operator, PersonNumbers, ScriptedOperator, typical_person
 from tega_sim.seams import Act, Percept, WorldTruth
 
 # Lag of the closure behind the muscles, and speed of the slide for each level that is missing.
@@ -66,7 +66,7 @@ def told_frame(closure: float) -> MotorLevels:
 
 
 def grasp(
-    actor: Any,
+    actor: Operator | ScriptedOperator | KeyboardOperator,
     vest: Callable[[float, MotorLevels], MotorLevels | None] | None,
     *,
     item: Grasp | None = None,

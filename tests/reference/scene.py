@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from tega_figures.scene.bench import EYE_M as BENCH_EYE_M
 from tega_figures.scene.bench import LENS, RenderedTrial, camera_pose
@@ -17,9 +15,6 @@ from tega_sim.plan import TrialPlan
 from tega_sim.seams import WorldTruth
 from tega_sim.world.objects import OBJECTS
 from tega_sim.world.scene import PALM_ROTATION
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 SMALL = Lens(1280, 720, 1100.0, 1101.0, 639.0, 360.5, LENS.distortion)
 LIFT_S, SLIP_S, SLIP_M = 0.7, 2.5, 0.006
@@ -74,11 +69,6 @@ def rendered(trial: TrueTrial, *, rate_hz: float = 30.0) -> RenderedTrial:
         lens=SMALL,
         eye_m=EYE_M,
     )
-
-
-def pictures(trial: TrueTrial) -> Iterator[tuple[float, NDArray[np.uint8]]]:
-    """Return times and pictures of a trial."""
-    yield from rendered(trial).pictures()
 
 
 def noisy_track(trial: TrueTrial, *, rate_hz: float = 30.0, seed: int = 1) -> SceneTrack:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import imageio.v3
 import numpy as np
@@ -25,7 +24,6 @@ from reference.played_streams import MS, Heard, jumping, nowhere
 from reference.sessions import rewritten
 from tega.errors import RecordingError
 from tega.loop.snapshot import LoopView
-from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.replay.playhead import Playhead
 from tega.records.bus import Bus
@@ -48,9 +46,6 @@ def moved(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def filmed(ms: Sequence[int]) -> list[int]:
     return [BEGUN_NS + k * MS for k in ms]
-
-
-# Scene video.
 
 
 @pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
@@ -132,46 +127,6 @@ def test_damage_in_a_video_is_told_and_the_next_picture_that_stands_alone_is_sho
     ]
 
 
-def test_video_inside_the_recording_itself_is_shown(lossless: Path, tmp_path: Path) -> None:
-    from mcap.reader import NonSeekingReader
-    from mcap.writer import Writer
-
-    scene = write_scene(tmp_path / "scene.mcap", {"front": packets([k * 50 * MS for k in range(30)])})
-    with lossless.open("rb") as file:
-        epoch_ns = next(
-            int(table.metadata["epoch_ns"])
-            for table in NonSeekingReader(file).iter_metadata()
-            if "epoch_ns" in table.metadata
-        )
-    both = tmp_path / "trial-001.mcap"
-    with both.open("wb") as new, lossless.open("rb") as one, scene.open("rb") as other:
-        writer: Any = Writer(new)
-        writer.start()
-        for attachment in NonSeekingReader(one).iter_attachments():
-            writer.add_attachment(0, 0, attachment.name, attachment.media_type, attachment.data)
-        one.seek(0)
-        for table in NonSeekingReader(one).iter_metadata():
-            writer.add_metadata(table.name, table.metadata)
-        one.seek(0)
-        found = [
-            (message.log_time + shift_ns, schema, channel, message)
-            for file, shift_ns in ((one, 0), (other, epoch_ns - 10**18))
-            for schema, channel, message in NonSeekingReader(file).iter_messages(log_time_order=False)
-        ]
-        ids: dict[str, int] = {}
-        for log_ns, schema, channel, message in sorted(found, key=lambda row: row[0]):
-            assert schema is not None
-            if channel.topic not in ids:
-                schema_id = writer.register_schema(schema.name, schema.encoding, schema.data)
-                ids[channel.topic] = writer.register_channel(channel.topic, "protobuf", schema_id)
-            writer.add_message(ids[channel.topic], log_ns, message.data, log_ns)
-        writer.finish()
-    received = Heard(DisplayPicture)
-    play_file(both, nowhere(tmp_path), speed=None, bus=received.bus)
-    assert [number_of(one.image) for one in received.reported] == list(range(30))
-    assert replay_file(both).same
-
-
 @pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
 def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) -> None:
     film = packets([k * 100 * MS for k in range(25)], video)
@@ -185,9 +140,9 @@ def test_a_picture_that_stands_alone_is_known_by_its_packet(video: VideoFormat) 
     decoder = SceneDecoder(video)
     for t_ns, packet in film[10:14]:
         decoder.take(t_ns, packet)
-    displayed = decoder.image()
-    assert displayed is not None
-    assert (displayed[0], number_of(displayed[1])) == (film[13][0], 13)
+    newest = decoder.image()
+    assert newest is not None
+    assert (newest[0], number_of(newest[1])) == (film[13][0], 13)
     assert decoder.image() is None
 
 

@@ -31,9 +31,6 @@ from tega.ui.view.state import ViewState
 SECONDS = 1.5
 
 
-# Pictures and samples.
-
-
 def test_pictures_are_measured_again_with_the_maps_of_the_run_s_metric(
     lossless: Path, tmp_path: Path
 ) -> None:
@@ -185,9 +182,6 @@ def test_at_its_own_speed_a_thread_reads_and_is_gone_after_the_run(lossless: Pat
     assert "tega-played" in threads
     assert "tega-played" not in {one.name for one in threading.enumerate()}
     assert received.reported
-
-
-# The file and the page.
 
 
 def test_messages_come_in_the_order_of_their_times_from_the_part_that_holds_one(lossless: Path) -> None:

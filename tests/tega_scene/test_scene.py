@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
+from numpy.typing import NDArray
 
+from reference.command import call
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, RecordingError
-from tega.ui.cli.main import cli
 from tega_scene.corners import TagFinder
 from tega_scene.courses import righted, scene_courses
 from tega_scene.layout import TagBody, example_layout, load_layout, save_layout
@@ -27,10 +27,9 @@ pytest.importorskip("cv2")
 pytest.importorskip("tega_figures")
 pytest.importorskip("mujoco")
 
-from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, pictures, rendered
+import cv2
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
+from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, rendered
 
 
 def test_a_layout_comes_back_from_its_file(tmp_path: Path) -> None:
@@ -152,7 +151,7 @@ def test_the_table_sheet_has_its_tags_where_the_layout_says(tmp_path: Path) -> N
 def lifted() -> SceneTrack:
     """Return what was seen of the known lift."""
     trial = known_lift()
-    return track_scene(pictures(trial), SMALL, rendered(trial).layout)
+    return track_scene(rendered(trial).pictures(), SMALL, rendered(trial).layout)
 
 
 @pytest.mark.slow
@@ -191,10 +190,9 @@ def test_place_and_slip_are_as_exact_as_stated(lifted: SceneTrack) -> None:
 def test_an_object_that_falls_is_dropped() -> None:
     trial = known_lift(dropped=True, slip_s=1.6, end_s=2.0)
     layout = rendered(trial).layout
-    outcome = score_scene(track_scene(pictures(trial), SMALL, layout), layout)
-    drop = [event for event in outcome.events if event.kind == "drop"]
-    assert len(drop) == 1
-    assert abs(drop[0].t_s - 1.6 - 0.1) < 0.05  # 30 mm at 0.3 m/s
+    outcome = score_scene(track_scene(rendered(trial).pictures(), SMALL, layout), layout)
+    (drop,) = [event for event in outcome.events if event.kind == "drop"]
+    assert abs(drop.t_s - 1.6 - 0.1) < 0.05  # 30 mm at 0.3 m/s
     assert not outcome.success
 
 
@@ -249,14 +247,9 @@ def test_too_few_views_are_no_calibration() -> None:
 
 
 @pytest.mark.slow
-def test_the_verbs_print_and_score(tmp_path: Path) -> None:
-    cv2 = pytest.importorskip("cv2")
-    runner = CliRunner()
-    message = runner.invoke(
-        cli, ["scene", "tags", str(tmp_path / "t.pdf"), "--layout", str(tmp_path / "t.toml"), "--json"]
-    )
-    assert message.exit_code == 0, message.output
-    assert json.loads(message.output)["tags"] == 16
+def test_the_verbs_print_and_score(tmp_path: Path, capsys: Any) -> None:
+    printed, _ = call(capsys, "scene", "tags", tmp_path / "t.pdf", "--layout", tmp_path / "t.toml", "--json")
+    assert json.loads(printed)["tags"] == 16
     assert (tmp_path / "t.pdf").read_bytes().startswith(b"%PDF-1.4")
     scene = rendered(known_lift(end_s=1.1))
     save_layout(tmp_path / "bench.toml", scene.layout)
@@ -270,13 +263,8 @@ def test_the_verbs_print_and_score(tmp_path: Path) -> None:
     writer.release()
     lines = [f"{number},{t_ns}\n" for number, t_ns in enumerate(times)]
     times_path(video).write_text("picture,t_ns\n" + "".join(lines))
-    message = runner.invoke(
-        cli,
-        ["scene", "score", str(video), "--lens", str(tmp_path / "cam.json"), "--layout", str(tmp_path / "bench.toml"),
-         "--json"],
-    )  # fmt: skip
-    assert message.exit_code == 0, message.output
-    outcome = json.loads(message.output)
+    files = ("--lens", tmp_path / "cam.json", "--layout", tmp_path / "bench.toml")
+    outcome = json.loads(call(capsys, "scene", "score", video, *files, "--json")[0])
     assert outcome["events"][0]["kind"] == "lift_off"
     assert abs(outcome["events"][0]["t_s"] - 7 - LIFT_S) < 0.06
     assert outcome["success"] is False

@@ -15,31 +15,36 @@ from typing import Any
 import pytest
 
 pytest.importorskip("cv2")
-av = pytest.importorskip("av")
+pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
-from reference.film_server import FilmServer  # noqa: E402
-from reference.filmed import SIZE, film, number_of  # noqa: E402
-from reference.processes import until  # noqa: E402
-from tega.config import check_tree, load_config  # noqa: E402
-from tega.config.attached import config_text  # noqa: E402
-from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError  # noqa: E402
-from tega.loop import run_session  # noqa: E402
-from tega.loop.controls import Controls  # noqa: E402
-from tega.recording.mcap_reader import McapReader  # noqa: E402
-from tega.recording.trim import trim_session  # noqa: E402
-from tega.records import Alert  # noqa: E402
-from tega.records.bus import Bus  # noqa: E402
-from tega.records.display import DisplayPicture  # noqa: E402
-from tega.setup.doctor import examine  # noqa: E402
-from tega_scene.doctor import check_scene  # noqa: E402
-from tega_scene.filming import Filming  # noqa: E402
-from tega_scene.layout import example_layout, save_layout  # noqa: E402
-from tega_scene.lens import Lens, save_lens  # noqa: E402
-from tega_scene.pictures import read_pictures, read_times, times_path  # noqa: E402
-from tega_scene.record import export_camera  # noqa: E402
-from tega_scene.settings import SceneConfig, full_source  # noqa: E402
-from tega_scene.video import SceneDecoder, SceneVideo  # noqa: E402
+import av
+
+from reference.film_server import FilmServer
+from reference.filmed import SIZE, film, number_of
+from reference.played_streams import Heard, nowhere
+from reference.processes import until
+from tega.config import check_tree, load_config
+from tega.config.attached import config_text
+from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError
+from tega.loop import run_session
+from tega.loop.controls import Controls
+from tega.recording.mcap_reader import McapReader
+from tega.recording.replay import replay_file
+from tega.recording.replay.play import play_file
+from tega.recording.trim import trim_session
+from tega.records import Alert
+from tega.records.bus import Bus
+from tega.records.display import DisplayPicture
+from tega.setup.doctor import examine
+from tega_scene.doctor import check_scene
+from tega_scene.filming import Filming
+from tega_scene.layout import example_layout, save_layout
+from tega_scene.lens import Lens, save_lens
+from tega_scene.pictures import read_pictures, read_times, times_path
+from tega_scene.record import export_camera
+from tega_scene.settings import SceneConfig, full_source
+from tega_scene.video import SceneDecoder, SceneVideo
 
 WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
 
@@ -93,6 +98,15 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         assert pictures == list(range(30))
         assert [number for _, number in seen[name]] == sorted(number for _, number in seen[name])
         assert len(seen[name]) > 2
+    played = Heard(DisplayPicture)
+    play_file(recording, nowhere(tmp_path), speed=None, bus=played.bus)
+    for name in seen:
+        images = [one.image for one in played.reported if one.name == name]
+        numbers = [number_of(image) for image in images if image is not None]
+        assert numbers == sorted(set(numbers))
+        assert numbers[-1] == 29
+        assert len(numbers) > 20
+    assert replay_file(recording).same
 
 
 @pytest.mark.slow

@@ -14,8 +14,6 @@ from tega.config import load_config
 from tega.records import Intent
 from tega_figures.audit import READINGS, AuditRequest, audit_recording
 
-# EMG.
-
 
 @pytest.fixture
 def squeeze(tmp_path: Path) -> Path:
@@ -53,9 +51,6 @@ def test_an_option_of_the_decoder_is_swept(squeeze: Path, capsys: Any) -> None:
     assert [score["value"] for score in scores] == [2.0, 12.0, 22.0, 32.0]
     assert scores[0]["changes_per_s"] < scores[-1]["changes_per_s"]
     assert all(score["force_rank"] is not None for score in scores)
-
-
-# Sessions.
 
 
 @pytest.fixture(scope="module")

@@ -4,47 +4,43 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from msgspec.structs import replace
 from rich.console import Console
 
 from reference.command import call
+from reference.processes import until
 from reference.results import trial_result
 from reference.scripted import touching
 from tega.haptics import vest_frame
 from tega.loop.snapshot import LoopView
 from tega.recording.run_tables import prepare_folder
 from tega.records import Intent
-from tega.ui.cli.main import main
 from tega.ui.view.terminal import TerminalView, render
 from tega_sim import demo as demo_module
-from tega_sim.cli.demo import _print
+from tega_sim.cli.demo import _print, demo
 from tega_sim.demo import DemoReport, demo_outputs
 from tega_sim.plan import TrialPlan
 from tega_sim.score import TrialEvent
-from tega_sim.synthetic import (
-    SyntheticEmg,
-    SyntheticEmgOptions,
-    effort_at,
-)
+from tega_sim.synthetic import SyntheticEmg, SyntheticEmgOptions, effort_at
 
-
-def run_demo(folder: Path, capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
-    out, _ = call(capsys, *["demo", "--fast", "--operator", "scripted", "--json", "--out"], folder, *words)
-    report: dict[str, Any] = json.loads(out)
-    return report
+pytest.importorskip("mujoco", reason="needs the extra sim")
 
 
 @pytest.mark.slow
 def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    report = run_demo(tmp_path / "demo", capsys, "--objects", "container", "--seed", "3")
+    words = ("demo", "--fast", "--operator", "scripted", "--json", "--objects", "container", "--seed", "3")
+    report = json.loads(call(capsys, *words, "--out", tmp_path / "demo")[0])
     (trial,) = report["trials"]
     assert {"slips", "deformations", "duration_s", "peak_force_n"} <= set(trial)
     expected = {"object": "container", "condition": "haptic", "seed": 3, "success": True}
@@ -73,13 +69,10 @@ def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.Capt
 def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"] + ["matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     out = tmp_path / "demo"
-    printed, text = call(
-        capsys, *["demo", "--fast", "--operator", "scripted", "--objects", "bag", "--out"], out
-    )
+    printed, text = call(capsys, "demo", "--fast", "--operator", "scripted", "--objects", "bag", "--out", out)
     assert "no picture: matplotlib is not installed; pip install '" in text
     assert "[pictures]'" in text
     assert f"tables and summary.json are in {out}" in printed
@@ -97,13 +90,10 @@ def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(
     page = capsys.readouterr().out
     for word in ("bag", "dropped", "slip of 12.0 mm at 4.00 s", "10.0 times as fast"):
         assert word in page
-    with pytest.raises(SystemExit) as done:
-        main(["demo", "--fast", "--operator", "keyboard", "--out", str(tmp_path)])
-    assert done.value.code == 2
+    call(capsys, "demo", "--fast", "--operator", "keyboard", "--out", tmp_path, code=2)
 
 
 def test_a_choice_in_the_page_takes_the_place_of_what_is_being_lifted() -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     plans = [TrialPlan(object=name, operator="scripted", seed=3) for name in ("bottle", "container")]
     moments: list[str] = []
     wishes = iter(["bag"])
@@ -163,14 +153,10 @@ def test_the_live_view_draws_ten_times_a_second_at_most_and_measures_rates() -> 
     assert "touch 60 Hz" in capture.get()
 
 
-def test_effort_rises_in_steps_and_lets_go() -> None:
-    course = [effort_at(t / 10, 10.0) for t in range(101)]
+def test_synthetic_emg_follows_an_effort_that_rises_and_lets_go_and_repeats() -> None:
+    course = [effort_at(t / 10, 10.0) for t in range(-10, 111)]
     assert max(course) == pytest.approx(0.97)
-    assert course[0] == course[-1] == 0.02
-    assert effort_at(-1.0, 10.0) == effort_at(99.0, 10.0) == 0.02
-
-
-def test_synthetic_emg_follows_effort_and_repeats() -> None:
+    assert course[:11] + course[-11:] == [0.02] * 22
     source, signals = SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)), []
     for _ in range(2):
         with source:
@@ -180,3 +166,36 @@ def test_synthetic_emg_follows_effort_and_repeats() -> None:
     assert signal.shape == (10_000, 3)
     early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
     assert np.all(early * 8 < squeezed)
+
+
+posix = pytest.mark.skipif(sys.platform == "win32", reason="signals as on Linux and macOS")
+
+
+@posix
+def test_preparing_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    begun: list[str] = []
+    monkeypatch.setattr("tega_sim.demo.lab_of", lambda *_: os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr("tega_sim.demo.run_trial", lambda *_, **__: begun.append("trial"))
+    result = CliRunner().invoke(demo, ["--out", str(tmp_path / "out")])
+    assert result.exit_code == 1  # click's for an interrupt; the program's own is 130
+    assert "Aborted" in result.output
+    assert begun == []
+
+
+@posix
+@pytest.mark.slow
+def test_a_running_demo_leaves_its_tables_and_draws_nothing(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    words = [sys.executable, "-m", "tega.ui.cli", "demo", "--json", "--out", str(out)]
+    words += ["--record", str(tmp_path / "rec")]
+    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        until(lambda: any((tmp_path / "rec").glob("*.mcap*")))
+        process.send_signal(signal.SIGINT)
+        message, noted = process.communicate()
+    assert process.returncode == 130
+    assert message == ""
+    assert noted.split("\n") == [f"tables and summary.json are in {out}", "", "stopped", ""]
+    report: Any = json.loads((out / "summary.json").read_text())
+    assert len(report["trials"]) == 1
+    assert list(out.glob("1-bottle/*.csv"))
+    assert not (out / "demo.png").exists()

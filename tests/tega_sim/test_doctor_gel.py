@@ -17,13 +17,16 @@ from tega_sim.gel import Gel, ball
 pytest.importorskip("cv2", reason="pictures need the extra tactile")
 
 
+BARE = DriverCase("tactile.thumb", "tactile", "digit", None)
+
+
 def pictures(gel: Gel, *, first: int = 0, noisier: float = 1.0, indenters: Any = ()) -> list[Any]:
     """Return half a second of a sensor, with its noise made larger."""
-    still = gel.still().astype(float)
-    frames = [gel.frame(list(indenters), first + k).astype(float) for k in range(30)]
-    if noisier == 1.0:
-        return [frame.astype(np.uint8) for frame in frames]
-    return [np.clip(np.rint(still + noisier * (frame - still)), 0, 255).astype(np.uint8) for frame in frames]
+    frames = [gel.frame(list(indenters), first + k) for k in range(60)]
+    quiet = np.mean(frames, axis=0) if indenters else gel.still().astype(float)
+    return [
+        np.clip(np.rint(quiet + noisier * (frame - quiet)), 0, 255).astype(np.uint8) for frame in frames[:30]
+    ]
 
 
 def case(path: Path, baseline: Any) -> DriverCase:
@@ -57,23 +60,16 @@ def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path:
     found = [
         [
             one
-            for one in check_gel(case(tmp_path, pictures(gel, noisier=by)), "D1", pictures_of(gel, faint, by))
+            for one in check_gel(
+                case(tmp_path, pictures(gel, noisier=by)),
+                "D1",
+                pictures(gel, noisier=by, indenters=faint),
+            )
             if "differs" in one.finding
         ]
         for by in (1.0, 5.0)
     ]
     assert [len(one) for one in found] == [1, 0]
-
-
-def pictures_of(gel: Gel, indenters: Any, noisier: float) -> list[Any]:
-    """Return a pressed gel's pictures, with the noise alone made larger."""
-    pressed = np.mean([gel.frame(list(indenters), k) for k in range(60)], axis=0)
-    return [
-        np.clip(np.rint(pressed + noisier * (gel.frame(list(indenters), k) - pressed)), 0, 255).astype(
-            np.uint8
-        )
-        for k in range(30)
-    ]
 
 
 def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
@@ -101,11 +97,11 @@ def test_dirt_wear_and_old_lights_are_named(tmp_path: Path) -> None:
 def test_lights_that_are_off_are_told_with_and_without_a_baseline(tmp_path: Path) -> None:
     gel = Gel(3)
     off = [np.clip((p.astype(float) - gel.still()) + 6, 0, 255).astype(np.uint8) for p in pictures(gel)]
-    for reported in (case(tmp_path, pictures(gel)), DriverCase("tactile.thumb", "tactile", "digit", None)):
+    for reported in (case(tmp_path, pictures(gel)), BARE):
         first = check_gel(reported, "D1", off)[0]
         assert first.status == "error"
         assert "the picture is dark" in first.finding
-    assert check_gel(DriverCase("tactile.thumb", "tactile", "digit", None), "D1", pictures(gel)) == []
+    assert check_gel(BARE, "D1", pictures(gel)) == []
 
 
 def test_a_few_pictures_say_nothing_and_another_size_is_named(tmp_path: Path) -> None:
@@ -131,9 +127,6 @@ def banding(reported: DriverCase, sent: list[Any]) -> Any:
     assert len(found) <= 1
     assert all(one.status == "warning" for one in found)
     return found[0] if found else None
-
-
-BARE = DriverCase("tactile.thumb", "tactile", "digit", None)
 
 
 @pytest.mark.parametrize("hz", [100.0, 120.0])

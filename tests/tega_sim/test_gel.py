@@ -77,22 +77,24 @@ def test_the_gel_carries_the_force_and_the_mask_is_the_area() -> None:
         assert gel.contact_mask().sum() == truth.area_px > 0
 
 
-def test_bad_input_is_refused() -> None:
-    gel = Gel(1)
-    with pytest.raises(InvalidValueError, match="'pear' is not known"):
-        gel.press([Indenter("pear", (1.0, 1.0, 1.0), STRAIGHT, 1.0)])  # type: ignore[arg-type]
-    with pytest.raises(InvalidValueError, match=r"radius of indenter 0 = -1 mm"):
-        gel.press([ball(force_n=1.0, radius_mm=-1.0)])
-    with pytest.raises(InvalidValueError, match=r"force_n of indenter 1 = NaN N"):
-        gel.press([ball(force_n=1.0), ball(force_n=float("nan"))])
-    with pytest.raises(InvalidValueError, match="no rotation"):
-        gel.press([Indenter("sphere", (1.0, 0.0, 0.0), 2 * STRAIGHT, 1.0)])
+@pytest.mark.parametrize(
+    ("indenters", "text"),
+    [
+        ([Indenter("pear", (1.0, 1.0, 1.0), STRAIGHT, 1.0)], "'pear' is not known"),  # type: ignore[arg-type]
+        ([ball(force_n=1.0, radius_mm=-1.0)], r"radius of indenter 0 = -1 mm"),
+        ([ball(force_n=1.0), ball(force_n=float("nan"))], r"force_n of indenter 1 = NaN N"),
+        ([Indenter("sphere", (1.0, 0.0, 0.0), 2 * STRAIGHT, 1.0)], "no rotation"),
+        ([ball(force_n=1.0)] * 9, "9 indenters"),
+    ],
+)
+def test_bad_indenters_are_refused(indenters: list[Indenter], text: str) -> None:
+    with pytest.raises(InvalidValueError, match=text):
+        Gel(1).press(indenters)
+
+
+def test_bad_poses_and_gels_are_refused() -> None:
     with pytest.raises(ShapeError, match="pose_mm has shape"):
-        gel.press([Indenter("sphere", (1.0, 0.0, 0.0), np.eye(4), 1.0)])
-    with pytest.raises(InvalidValueError, match="9 indenters"):
-        gel.press([ball(force_n=1.0)] * 9)
-    with pytest.raises(ShapeError, match="out has shape"):
-        gel.frame([], 0, out=np.empty((240, 320, 3), np.uint8))
+        Gel(1).press([Indenter("sphere", (1.0, 0.0, 0.0), np.eye(4), 1.0)])
     with pytest.raises(InvalidValueError, match="spread"):
         Gel(1, spread=3.0)
     with pytest.raises(InvalidValueError, match="shape = 'round' is not known"):

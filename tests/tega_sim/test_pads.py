@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tega.hand import JOINT_LIMITS_RAD
-from tega.hand.mjcf import fingertips_m, joint_names, tip_heights_mm
+from tega.hand.mjcf import fingertips_m, tip_heights_mm
 from tega.haptics import FINGERS
 from tega_figures.pads.grip import grip
 from tega_sim.world import GRASP_POSES_RAD, OBJECTS, World
@@ -45,11 +45,10 @@ def test_a_contact_on_the_tip_s_edge_is_not_in_the_picture() -> None:
 def test_pads_of_an_empty_hand_meet_from_level_3_on() -> None:
     """Why a real hand keeps the built-in poses: it may be closed without an object."""
     world = World("bag")
-    first = int(world.model.joint(joint_names()[0]).qposadr[0])
     pads = [world.model.geom(name).id for name in ("thumb_pad", "index_pad")]
     apart_mm = []
     for pose in GRASP_POSES_RAD:
-        world.data.qpos[first : first + 16] = pose
+        world._angles[:] = pose
         world.mujoco.mj_kinematics(world.model, world.data)
         apart_mm.append(1e3 * world.mujoco.mj_geomDistance(world.model, world.data, *pads, 0.2, None))
     assert apart_mm[0] > 10
@@ -57,16 +56,13 @@ def test_pads_of_an_empty_hand_meet_from_level_3_on() -> None:
 
 
 def test_fingertips_are_where_the_physics_has_them() -> None:
-    mujoco = pytest.importorskip("mujoco")
-    from tega_sim.world import World
-
     world = World("bottle")
     names = [f"{finger}_pad" for finger in FINGERS]
     rng = np.random.default_rng(3)
     low, high = JOINT_LIMITS_RAD.T
     for angles in rng.uniform(low, high, size=(20, 16)):
         world._angles[:] = angles
-        mujoco.mj_forward(world.model, world.data)
+        world.mujoco.mj_forward(world.model, world.data)
         palm_m, turned = world.palm_pose
         true_m = np.array([turned.T @ (world.data.site(name).xpos - palm_m) for name in names])
         assert fingertips_m(angles) == pytest.approx(true_m, abs=1e-7)

@@ -133,12 +133,8 @@ def test_pulses_come_at_contact_and_release_and_none_at_a_slip_by_touch_alone() 
     assert changes[1][0] == pytest.approx(30 * 0.016 + 0.064, abs=0.034)
     # Contact is told on the finger's own column.
     contact = next(frame for t_ns, frame in sent if t_ns / 1e9 >= changes[1][0])
-    assert (contact.intensities.reshape(2, 5, 4) == 70).any(axis=(0, 1)).tolist() == [
-        False,
-        True,
-        False,
-        False,
-    ]
+    columns = (contact.intensities.reshape(2, 5, 4) == 70).any(axis=(0, 1))
+    assert columns.tolist() == [False, True, False, False]
     assert not sent[-1][1].intensities.any()
 
 
@@ -147,16 +143,16 @@ def test_a_lost_finger_ends_its_pulse_and_its_return_is_no_event() -> None:
     assert loop.n_told["contact"] == 1
     began, ended = changes[1][0], changes[2][0]
     assert ended - began < 0.19  # the source ended within the pulse, and with it the run
-    detector_only = pulsing(TouchMaxima())
-    mapping = detector_only.mapping
+    alone = pulsing(TouchMaxima())
+    mapping = alone.mapping
     assert isinstance(mapping, PulsesMapping)
-    detector_only.update("index", touch(0))
+    alone.update("index", touch(0))
     for n in range(20):  # back after a second, pressed
-        detector_only.update("index", touch(60_000, t_ns=10**9 + n * FRAME_MS * MS))
-    detector_only.frame(10**9 + 20 * FRAME_MS * MS)
+        alone.update("index", touch(60_000, t_ns=10**9 + n * FRAME_MS * MS))
+    alone.frame(10**9 + 20 * FRAME_MS * MS)
     assert mapping.n_told["contact"] == 0
-    detector_only.update("index", touch(60_000, t_ns=2 * 10**9))
-    assert not detector_only.frame(3 * 10**9).intensities.any()
+    alone.update("index", touch(60_000, t_ns=2 * 10**9))
+    assert not alone.frame(3 * 10**9).intensities.any()
 
 
 def test_on_the_way_out_of_an_error_the_vest_is_sent_zeros() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -31,17 +32,18 @@ from tega_study.silico.simulate import made_study
 
 TOUCH = (*DEFAULT_COURSE[:3], Step(3.8, "done", 3, (0.0, 0.0), 0.0))
 """Reach and close on the object, on the table."""
-HELD = (*DEFAULT_COURSE[:5], Step(7.0, "done", 3, (0.22, 0.0), 0.0))
-"""Lift it and hold it."""
 LET_FALL = (
     *DEFAULT_COURSE[:5],
     Step(6.8, "hold", 1, (0.22, 0.0), 0.0),
     Step(9.0, "done", 1, (0.22, 0.0), 0.0),
 )
 """Open the hand up there."""
-AWAY = (Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(9.0, "done", 1, (0.0, 0.15), 0.0))
-"""Touch nothing."""
 VEST_TICK_S = 1 / 30
+
+
+def away(end_s: float) -> tuple[Step, ...]:
+    """Touch nothing."""
+    return Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(end_s, "done", 1, (0.0, 0.15), 0.0)
 
 
 class Wearer(ScriptedOperator):
@@ -59,6 +61,12 @@ class Wearer(ScriptedOperator):
 @pytest.fixture(scope="module")
 def lab() -> Lab:
     return lab_of(3, "live", ())
+
+
+def operator(lab: Lab, condition: str, name: str = "bag", **plan: Any) -> Operator:
+    made = lab.person(TrialPlan.checked({"object": name, "condition": condition, "seed": 3} | plan))
+    assert isinstance(made, Operator)
+    return made
 
 
 def lift(
@@ -116,22 +124,13 @@ def test_the_oracle_tells_a_slip_within_a_tick_of_its_onset_and_nothing_before(l
     _, streams = lift(lab, "oracle", LET_FALL)
     looks_s, speed = streams.array("truth", "t_s"), streams.array("truth", "slip_m_s")
     lifted = streams.array("truth", "lift_off").astype(bool)
-    onset_s = looks_s[(looks_s > 6.0) & lifted & (speed >= SLIP_M_S)][0]
+    onset_s = looks_s[lifted & (speed >= SLIP_M_S)][0]
+    assert onset_s > 6.0, "lifted and held before"
     t_s, sent = frames(streams)
     reported = sent.reshape(len(sent), 2, -1).min(axis=2) > 0  # every motor of both faces
-    assert not sent[(t_s > 6.0) & (t_s < onset_s)].any()
-    first_s = t_s[(t_s > 6.0) & reported.all(axis=1)][0]
+    assert not sent[t_s < onset_s].any()
+    first_s = t_s[reported.all(axis=1)][0]
     assert 0 <= first_s - onset_s <= VEST_TICK_S + 1e-6
-
-
-@pytest.mark.slow
-def test_the_oracle_tells_nothing_without_a_slip(lab: Lab) -> None:
-    _, streams = lift(lab, "oracle", HELD)
-    assert streams.array("truth", "lift_off").any()
-    assert not (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
-    _, sent = frames(streams)
-    assert len(sent) > 200
-    assert not sent.any()
 
 
 def truth(speed: float, *, lift_off: bool = True, dropped: bool = False) -> WorldTruth:
@@ -154,8 +153,6 @@ def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
         touch = TrueTouch("true slips", lab.touch, layout="x40")
         touch.watch(0.0, still)
         assert not touch.frame(0).intensities.any()
-    with pytest.raises(InvalidValueError, match="true slips"):
-        TrueTouch("touch", lab.touch, layout="x40")
 
 
 @pytest.mark.slow
@@ -169,8 +166,7 @@ def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_t
     assert [(t_s, *frame.intensities.tolist()) for t_s, frame in recorded] == streams.rows["vest"]
     assert any(frame.intensities.any() for _, frame in recorded)
     touching, _ = lift(lab, "replayed", TOUCH, name="bottle")
-    away = (Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(3.8, "done", 1, (0.0, 0.15), 0.0))
-    untouched, free = lift(lab, "replayed", away, name="bottle")
+    untouched, free = lift(lab, "replayed", away(3.8), name="bottle")
     assert not any(free.array("truth", f"{finger}_force_n").any() for finger in FINGERS)
     assert touching.worn[1:] == untouched.worn[1:]
     times = np.array([t_s for t_s, _ in recorded])
@@ -189,7 +185,7 @@ def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one
     assert any(frame.intensities.any() for _, frame in recorded)
     falling, streams = lift(lab, "mistimed", LET_FALL, name="bag")
     assert (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
-    untouched, _ = lift(lab, "mistimed", AWAY, name="bag")
+    untouched, _ = lift(lab, "mistimed", away(9.0), name="bag")
     looks = min(len(falling.worn), len(untouched.worn))
     assert falling.worn[1:looks] == untouched.worn[1:looks]
     assert any(worn is not None and worn.intensities.any() for worn in untouched.worn)
@@ -203,9 +199,7 @@ def test_an_object_of_a_file_is_replayed_the_bench_s_first() -> None:
 
 def test_who_drops_an_object_learns_from_it_wherever_the_eyes_are(lab: Lab) -> None:
     def needs(view: str) -> list[tuple[float, float]]:
-        plan = TrialPlan.checked({"object": "bag", "seed": 3, "condition": "non-haptic", "view": view})
-        person = lab.person(plan)
-        assert isinstance(person, Operator)
+        person = operator(lab, "non-haptic", view=view)
         person.begin("bag", width_m=0.1)
         trial = person._trial
         assert trial is not None
@@ -227,17 +221,12 @@ def test_a_vest_of_the_truth_is_not_recorded_as_one_of_pictures(lab: Lab, tmp_pa
 
 
 def test_only_the_ideal_vest_is_worn_on_another_skin(lab: Lab) -> None:
-    def person(condition: str) -> Operator:
-        made = lab.person(TrialPlan.checked({"object": "bag", "condition": condition, "seed": 3}))
-        assert isinstance(made, Operator)
-        return made
-
-    own = person("haptic").person
+    own = operator(lab, "haptic").person
     for condition in CONDITIONS:
-        other = person(condition).person
+        other = operator(lab, condition).person
         assert (other == own) == (condition != "ideal-vest")
         assert msgspec.structs.replace(other, vest=own.vest) == own
-    assert person("ideal-vest").person.vest.lapse == 0
+    assert operator(lab, "ideal-vest").person.vest.lapse == 0
 
 
 def test_a_study_names_its_people_by_their_numbers_and_rules(tmp_path: Path) -> None:
@@ -250,13 +239,11 @@ def test_a_study_names_its_people_by_their_numbers_and_rules(tmp_path: Path) -> 
 
 @pytest.mark.slow
 def test_practice_shows_the_bench_s_own_vest_level_by_level_where_there_is_one(lab: Lab) -> None:
-    plan = TrialPlan(object="container", condition="ideal-vest", seed=3)
-
     def odds(condition: str) -> tuple[float, dict[Panel, float], dict[Panel, float]]:
         """Return how long the practice lasts, and what is believed of each panel after it and before."""
-        someone = lab.person(msgspec.structs.replace(plan, condition=condition))
-        assert isinstance(someone, Operator)
-        simulated_s = practise(lab, msgspec.structs.replace(plan, condition=condition), someone)
+        someone = operator(lab, condition, "container")
+        plan = TrialPlan(object="container", condition=condition, seed=3)
+        simulated_s = practise(lab, plan, someone)
         before = Closure(someone.person.grip, someone.person.vest.threshold)
         return simulated_s, someone.beliefs["container"].closure.log_odds, before.log_odds
 

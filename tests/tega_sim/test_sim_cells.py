@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,21 +11,19 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from tega.errors import InvalidValueError, ShapeError
+from tega.haptics import MotorLevels
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.stages.base import FingerSetup
 from tega.stages.metrics import LiveMetric, LiveOptions, PaperMetric
 from tega.tactile import TouchTracker
+from tega.wire import CanFrame
 from tega_sim.gel import Gel, ball
 from tega_sim.hand import SimulatedBus
 from tega_sim.lab import lab_of
 from tega_sim.plan import TrialPlan
 from tega_sim.rig import TrialRig
 from tega_sim.trial import run_trial
-
-if TYPE_CHECKING:
-    from tega.haptics import MotorLevels
-    from tega.wire import CanFrame
 
 SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 FRAME_NS = 16_666_667
@@ -65,7 +63,7 @@ def test_sums_that_do_not_fit_are_refused_and_change_nothing() -> None:
         TouchTracker(np.zeros((479, 641, 3), np.uint8)).update_sums(sums)
 
 
-def test_only_a_metric_that_says_what_sums_mean_is_given_them() -> None:
+def test_only_a_metric_that_says_what_sums_mean_is_given_them_and_each_counts_as_a_picture() -> None:
     class Louder(LiveMetric):
         def update(self, frame: Any, t_ns: int) -> Any:
             return super().update(255 - frame, t_ns)
@@ -73,16 +71,11 @@ def test_only_a_metric_that_says_what_sums_mean_is_given_them() -> None:
     class Renamed(LiveMetric):
         pass
 
-    assert LiveMetric.reads_sums
-    assert Renamed.reads_sums
-    assert not any(one.reads_sums for one in (PaperMetric, Louder))
-
-
-def test_a_picture_that_is_not_painted_counts_as_one() -> None:
+    reads = [one.reads_sums for one in (LiveMetric, Renamed, PaperMetric, Louder)]
+    assert reads == [True, True, False, False]
     gel, report = Gel(1), SourceReport()
-    meter = FrameMeter(
-        gel.still(), LiveMetric(FingerSetup("thumb", gel.still()), LiveOptions()), report, live=False
-    )
+    metric = LiveMetric(FingerSetup("thumb", gel.still()), LiveOptions())
+    meter = FrameMeter(gel.still(), metric, report, live=False)
     for number in (0, 1, 4):
         contact = meter.take_sums(number, number * FRAME_NS, gel.sums([], number))
         assert contact.t_ns == number * FRAME_NS

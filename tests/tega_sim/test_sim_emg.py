@@ -77,12 +77,15 @@ def test_block_means_vary_as_band_limited_gaussian_noise_does() -> None:
         assert float(np.mean(means.std(axis=0) / means.mean(axis=0))) == pytest.approx(law, rel=0.1)
 
 
+def correlation(samples: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(np.corrcoef(samples.T))
+
+
 def test_neighbouring_flexors_share_signal_as_the_crosstalk_says() -> None:
     same = {"ecr_uv": 300, "fcu_uv": 300, "fds_uv": 300}
-    samples = squeeze(person(**CLEAN, **FRESH, **same, crosstalk_extensor=0.0), 0.5, 60)
-    correlation = np.asarray(np.corrcoef(samples.T))
-    assert correlation[1, 2] == pytest.approx(2 * 0.2 / (1 + 0.2**2), abs=0.03)
-    assert correlation[0, 1:] == pytest.approx(np.zeros(2), abs=0.03)
+    shared = correlation(squeeze(person(**CLEAN, **FRESH, **same, crosstalk_extensor=0.0), 0.5, 60))
+    assert shared[1, 2] == pytest.approx(2 * 0.2 / (1 + 0.2**2), abs=0.03)
+    assert shared[0, 1:] == pytest.approx(np.zeros(2), abs=0.03)
 
 
 def test_at_rest_there_are_electrodes_amplifier_and_mains() -> None:
@@ -205,28 +208,22 @@ def test_levels_are_held_as_well_as_an_independent_script_says(
     assert hold_shares(who, preset="paper", n_holds=n_holds) == pytest.approx(expected, abs=tolerance)
 
 
-EFFORT = 0.5
+def disturbed(*effects: str, effort: float = 0.5, seconds: float = 20.0) -> NDArray[np.float64]:
+    forearm = ForearmEmg(typical_person(), seed=3, label="day", effects=effects)
+    return forearm.course(np.full(round(100 * seconds), effort))
 
 
-def amplitude(
-    *effects: str, seconds: float = 20.0, effort: float = EFFORT, seed: int = 3
-) -> NDArray[np.float64]:
-    forearm = ForearmEmg(typical_person(), seed=seed, label="day", effects=effects)
-    emg = forearm.course(np.full(round(100 * seconds), effort))
+def amplitude(*effects: str, **how: float) -> NDArray[np.float64]:
     # A quarter of a second at a time, so that slow artefacts of movement count little.
-    parts = emg.reshape(-1, 250, 3)
-    found: NDArray[np.float64] = np.median(parts.std(axis=1), axis=0)
-    return found
+    parts = disturbed(*effects, **how).reshape(-1, 250, 3)
+    return np.asarray(np.median(parts.std(axis=1), axis=0))
 
 
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_an_effect_changes_the_emg_and_any_division_into_calls_gives_the_same(effect: str) -> None:
-    course = np.full(250, EFFORT)
-    plain, whole = (
-        ForearmEmg(typical_person(), seed=3, label="day", effects=some).course(course)
-        for some in ((), (effect,))
-    )
-    assert not np.allclose(plain, whole)
+    course = np.full(250, 0.5)
+    whole = disturbed(effect, seconds=2.5)
+    assert not np.allclose(disturbed(seconds=2.5), whole)
     parts = ForearmEmg(typical_person(), seed=3, label="day", effects=(effect,))
     assert np.array_equal(whole, np.concatenate([parts.course(course[:1]), parts.course(course[1:])]))
 
@@ -235,13 +232,9 @@ def test_sweat_takes_its_share_of_the_amplitude_in_the_end() -> None:
     sweat = {name: number.value for name, number in effect_parameters()["sweat"].items()}
     losses = []
     for seed in range(200):
-        disturbed = Disturbance(("sweat",), seed=seed, label="day", tick_s=sweat["time_s"])
+        skin = Disturbance(("sweat",), seed=seed, label="day", tick_s=sweat["time_s"])
         # One time constant, then many.
-        _, after_one = disturbed.step()
-        for _ in range(20):
-            _, in_the_end = disturbed.step()
-        assert after_one is not None
-        assert in_the_end is not None
+        after_one, *_, in_the_end = (np.asarray(skin.step()[1]) for _ in range(21))
         assert np.log(after_one) / np.log(in_the_end) == pytest.approx(1 - np.exp(-1), abs=1e-6)
         losses.append(-np.log(in_the_end))
     expected = sweat["loss_per_mm"] * sweat["depth_mm"] * np.exp(sweat["uneven_sd"] ** 2 / 2)
@@ -259,13 +252,10 @@ def test_posture_and_tension_load_the_arm_at_rest() -> None:
 
 
 def test_a_turned_ring_sees_the_next_muscle() -> None:
-    seen = []
-    for effects in ((), ("shift",)):
-        emg = ForearmEmg(typical_person(), seed=3, label="day", effects=effects).course(np.full(3000, EFFORT))
-        seen.append(np.asarray(np.corrcoef(emg.T)))
+    before, after = (correlation(disturbed(*effects, seconds=30.0))[0, 1] for effects in ((), ("shift",)))
     # Extensor and its neighbour have hardly any source in common before, and a good part of it after.
-    assert seen[0][0, 1] < 0.25
-    assert seen[1][0, 1] > seen[0][0, 1] + 0.15
+    assert before < 0.25
+    assert after > before + 0.15
 
 
 def test_every_number_lies_in_its_range_and_says_where_it_is_from() -> None:

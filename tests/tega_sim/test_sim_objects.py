@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import msgspec
 import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-
 from reference.results import trial_result
-from tega.errors import ConfigError, InvalidValueError, UnsafeNameError
+from tega.errors import ConfigError, InvalidValueError, RecordingError, UnsafeNameError
 from tega.ui.cli.main import main
-from tega_sim.operator import ViewName
 from tega_sim.plan import TrialPlan
-from tega_sim.trials import plan_trials, summarise_trials
+from tega_sim.trials import plan_trials, read_results, summarise_trials
 from tega_sim.world import OBJECTS, crossed, read_objects
-from tega_study.silico.assumptions import code_sha256, read_assumptions
+from tega_study.silico.assumptions import assume, assumption_files, code_sha256, read_assumptions
 from tega_study.silico.simulate import made_study
 
 TIN = """
@@ -112,25 +110,15 @@ def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
 def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def digest(
-        where: str,
-        *,
-        masses_kg: tuple[float, float] = (0.3, 0.6),
-        parameters: Path | None = None,
-        preset: Literal["paper", "live"] = "live",
-        view: ViewName = "direct",
-    ) -> str:
-        plan, stated = made_study(
-            tmp_path / where,
-            operators=1,
-            seed=1,
-            objects=crossed([OBJECTS["bag"]], mass_kg=masses_kg),
-            conditions=["oracle", "non-haptic"],
-            trials=1,
-            parameters=parameters,
-            preset=preset,
-            view=view,
-        )
+    def digest(where: str, *, masses_kg: tuple[float, float] = (0.3, 0.6), **how: Any) -> str:
+        made: dict[str, Any] = {
+            "operators": 1,
+            "seed": 1,
+            "trials": 1,
+            "conditions": ["oracle", "non-haptic"],
+        }
+        objects = crossed([OBJECTS["bag"]], mass_kg=masses_kg)
+        plan, stated = made_study(tmp_path / where, objects=objects, **made, **how)
         assert len(plan.trials) == 2 * len(stated.objects)
         read = read_assumptions(tmp_path / where)
         assert read is not None
@@ -142,12 +130,8 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
     people.write_text(frozen.replace("value = 215,", "value = 216,"), encoding="utf-8")
     first = digest("a")
     assert digest("a") == first
-    others = [
-        digest("b", masses_kg=(0.3, 0.7)),
-        digest("c", view="hidden"),
-        digest("e", preset="paper"),
-        digest("f", parameters=people),
-    ]
+    changes: list[dict[str, Any]] = [{"masses_kg": (0.3, 0.7)}, {"view": "hidden"}, {"preset": "paper"}]
+    others = [digest(str(n), **how) for n, how in enumerate([*changes, {"parameters": people}])]
     monkeypatch.setattr("tega_study.silico.assumptions.code_sha256", lambda: "0" * 64)
     others.append(digest("g"))
     assert len({first, *others}) == 6
@@ -156,15 +140,14 @@ def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
 
 
 def test_the_program_s_hash_covers_its_python_its_data_and_its_extension(tmp_path: Path) -> None:
-    for name in ("a.py", "world/objects.toml", "_native.abi3.so", "__pycache__/a.cpython-311.pyc"):
+    names = ("a.py", "world/objects.toml", "_native.abi3.so", "__pycache__/a.cpython-311.pyc")
+    for name in names:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text("1", encoding="utf-8")
     before = code_sha256(tmp_path)
-    (tmp_path / "__pycache__/a.cpython-311.pyc").write_text("2", encoding="utf-8")
-    assert code_sha256(tmp_path) == before
-    for name in ("a.py", "world/objects.toml", "_native.abi3.so"):
+    for name in names:
         (tmp_path / name).write_text("2", encoding="utf-8")
-        assert code_sha256(tmp_path) != before
+        assert (code_sha256(tmp_path) == before) == name.startswith("__pycache__")
         (tmp_path / name).write_text("1", encoding="utf-8")
     assert code_sha256(tmp_path) == before
     (tmp_path / "a.py").rename(tmp_path / "b.py")
@@ -194,3 +177,47 @@ def test_the_commands_refuse_objects_and_factors_that_cannot_be(
     assert ended.value.code
     assert message in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+def older_study(folder: Path, shear: str) -> Path:
+    """Write the statement of a study as version 0.2 did: with shear, and with reliefs of its objects."""
+    stated, people = assume({"bag": OBJECTS["bag"]})
+    for name, content in assumption_files(stated, people).items():
+        (folder / name).write_bytes(content)
+    path = folder / "simulation.toml"
+    bag = "[objects.bag]\n"
+    text = path.read_text(encoding="utf-8").replace(bag, f"{bag}relief_counts = 0.0\nrelief_mm = 0.6\n")
+    path.write_text(f'shear = "{shear}"\n{text}', encoding="utf-8")
+    return folder
+
+
+def test_an_older_study_is_read_where_its_gels_did_not_give_way_and_named_where_they_did(
+    tmp_path: Path,
+) -> None:
+    stated = read_assumptions(older_study(tmp_path, "off"))
+    assert stated is not None
+    assert stated.spec("bag") == OBJECTS["bag"]
+    with pytest.raises(
+        RecordingError, match=r"simulation\.toml: shear was taken out in 0\.3: simulated gels"
+    ):
+        read_assumptions(older_study(tmp_path, "texture"))
+
+
+def test_older_results_are_read_as_before(tmp_path: Path) -> None:
+    result, path = trial_result(), tmp_path / "results.jsonl"
+    tree = msgspec.to_builtins(result)
+    spec = msgspec.to_builtins(OBJECTS["bag"]) | {"relief_counts": 0.0, "relief_mm": 0.6}
+    older = tree | {"shear": "off", "hand": "decoder", "beside": [], "spec": spec}
+    result = msgspec.structs.replace(result, spec=OBJECTS["bag"])
+    path.write_bytes(msgspec.json.encode(older) + b"\n")
+    assert read_results(path) == {result.plan: result}
+    path.write_bytes(msgspec.json.encode(tree | {"shear": "dots"}) + b"\n")
+    with pytest.raises(RecordingError, match=r"shear was taken out in 0\.3"):
+        read_results(path)
+
+
+def test_an_objects_file_with_a_relief_is_refused_by_its_name(tmp_path: Path) -> None:
+    flat, relief = (TIN.replace("[tin]", f"[tin]\nrelief_counts = {counts}") for counts in (0.0, 1.5))
+    assert read_objects(written(tmp_path, flat))["tin"].spec.mass_kg == 0.45
+    with pytest.raises(ConfigError, match=r"relief_counts was taken out in 0\.3"):
+        read_objects(written(tmp_path, relief))

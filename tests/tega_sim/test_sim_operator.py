@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy import integrate, stats
 
-from reference.plant import EXACT, Grasp, grasp, with_
+from reference.plant import EXACT, Grasp, grasp, told_frame, with_
 from tega.errors import ConfigError, InvalidValueError
 from tega_sim.conditions import sham_vest
 from tega_sim.operator import Operator, draw_person, load_parameters, typical_person
-from tega_sim.operator.belief import ObjectBelief, above, below
+from tega_sim.operator.belief import Closure, above, below
 from tega_sim.operator.person import stream
+from tega_sim.operator.vision import Kind, SeenEvent
 from tega_sim.seams import Percept, WorldTruth
 
 STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
@@ -39,11 +40,7 @@ def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
     ("old", "new", "text"),
     [
         ("lapse = {", "relapse = {", "lapse"),
-        (
-            "rt_ms = { value = 215",
-            "rt_ms = { value = 15",
-            "vision.rt_ms = 15.0 ms is not within 160.0 to 320.0",
-        ),
+        ("{ value = 215", "{ value = 15", "vision.rt_ms = 15.0 ms is not within 160.0 to 320.0"),
         ('mark = "A"', 'mark = "Z"', "Z"),
         ("[vision]", "[vision", "parameters"),
     ],
@@ -80,19 +77,17 @@ def test_people_differ_as_the_file_says() -> None:
 
 @pytest.mark.parametrize(("x", "var"), [(2.0, 0.04), (3.5, 0.3), (5.0, 0.0)])
 def test_learning_a_bound_gives_the_moments_of_the_cut_gaussian(x: float, var: float) -> None:
-    def cut(need: float) -> float:
-        return float(stats.norm.pdf(need, 3.0, 1.2)) * float(
-            stats.norm.cdf((need - x) / max(math.sqrt(var), 1e-9))
-        )
+    def moment(k: int) -> float:
+        def cut(need: float) -> float:
+            share = stats.norm.cdf((need - x) / max(math.sqrt(var), 1e-9))
+            return float(need**k * stats.norm.pdf(need, 3.0, 1.2) * share)
 
-    moments = [
-        integrate.quad(lambda n, k=k: n**k * cut(n), -6, 12, points=[x], limit=200)[0] for k in range(3)
-    ]
-    mean = moments[1] / moments[0]
-    sd = math.sqrt(moments[2] / moments[0] - mean**2)
+        return float(integrate.quad(cut, -6, 12, points=[x], limit=200)[0])
+
+    mean = moment(1) / moment(0)
+    sd = math.sqrt(moment(2) / moment(0) - mean**2)
     assert above(3.0, 1.2, x, var, 0.0) == pytest.approx((mean, sd), abs=1e-5)
-    mirrored = below(-3.0, 1.2, -x, var, 0.0)
-    assert mirrored == pytest.approx((-mean, sd), abs=1e-5)
+    assert below(-3.0, 1.2, -x, var, 0.0) == pytest.approx((-mean, sd), abs=1e-5)
 
 
 def test_beliefs_fade_between_trials_and_are_carried_to_another_object() -> None:
@@ -103,7 +98,6 @@ def test_beliefs_fade_between_trials_and_are_carried_to_another_object() -> None
     assert operator.beliefs["heavy"].need == pytest.approx((5.0, math.hypot(0.3, 0.2)))
     operator.begin("light", width_m=0.07)
     assert operator.beliefs["light"].need == pytest.approx((3.0 + 0.3 * 2.0, 1.2))
-    assert isinstance(operator.beliefs["light"], ObjectBelief)
 
 
 # --- the whole person ---
@@ -119,19 +113,13 @@ def test_a_trial_goes_through_its_phases_and_lifts() -> None:
     assert max(act.excitation for act in outcome.acts) <= 1.15
 
 
-def test_the_same_seed_does_the_same_and_another_does_not() -> None:
-    def acts(seed: int) -> object:
-        return grasp(Operator(draw_person(3), seed=seed), sham_vest("informative")).acts
+def test_the_same_seed_does_the_same_and_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
+    def acts(seed: int, vest: Any = None, **how: Any) -> object:
+        return grasp(Operator(draw_person(4), seed=seed, **how), vest).acts
 
-    assert acts(1) == acts(1)
-    assert acts(1) != acts(2)
-
-
-def test_who_cannot_feel_the_vest_acts_as_if_there_were_none() -> None:
-    deaf = grasp(Operator(draw_person(4), seed=5, feels=False), sham_vest("informative", seed=1))
-    without = grasp(Operator(draw_person(4), seed=5), None)
-    silent = grasp(Operator(draw_person(4), seed=5), sham_vest("silent"))
-    assert deaf.acts == without.acts == silent.acts
+    informative = sham_vest("informative")
+    assert acts(1, informative) == acts(1, informative) != acts(2, informative)
+    assert acts(5) == acts(5, informative, feels=False) == acts(5, sham_vest("silent"))
 
 
 @pytest.mark.slow
@@ -185,6 +173,80 @@ def test_time_that_goes_back_and_impossible_objects_are_refused() -> None:
 
 def test_an_extra_draw_in_one_stream_changes_no_other() -> None:
     first, second = stream(7, "aim"), stream(7, "gaze")
-    before: Callable[[], float] = stream(7, "gaze").random
     first.random(10)
-    assert second.random() == before()
+    assert second.random() == stream(7, "gaze").random()
+
+
+def practised(slope: float, *, noise: float = 0.1) -> Closure:
+    """Return what is believed after a panel was felt at known closures."""
+    rng, person = np.random.default_rng(4), typical_person()
+    belief = Closure(person.grip, person.vest.threshold)
+    for _ in range(4):
+        for level in (2.0, 3.0, 4.0, 5.0):
+            belief.set(level, 0.04)
+            belief.feel("front", -0.8 + slope * (level - 3) + noise * float(rng.standard_normal()), 0.04)
+    return belief
+
+
+@pytest.mark.parametrize("slope", [0.8, -0.8])
+def test_a_panel_that_follows_the_closure_is_trusted_and_then_moves_the_belief_and_not_the_curve(
+    slope: float,
+) -> None:
+    belief = practised(slope)
+    curve = belief._mean[1:].copy()
+    assert belief.trust("front") > 0.8
+    assert belief.trust("back") < 0.06
+    assert belief.slope("front") * slope > 0
+    belief.set(3.0, 0.15)
+    belief.feel("front", -0.8 + slope * 0.5, 0.04, fresh=False)
+    assert 3.15 < belief.x < 3.6
+    assert belief.var < 0.15
+    assert np.array_equal(belief._mean[1:], curve)
+
+
+def test_a_panel_that_goes_its_own_way_is_not_trusted_and_moves_nothing() -> None:
+    belief = practised(0.0, noise=0.8)
+    assert belief.trust("front") < 0.05
+    belief.set(3.0, 0.15)
+    belief.feel("front", -1.5, 0.04, fresh=False)
+    assert belief.x == pytest.approx(3.0, abs=0.03)
+
+
+def test_practice_teaches_what_the_vest_shows_and_a_sham_teaches_distrust() -> None:
+    def practised(name: str, who: int = 1) -> tuple[float, object]:
+        """Return how far the better panel is trusted, and what is done then."""
+        operator, vest = Operator(draw_person(who), seed=who), sham_vest(name, seed=3)  # type: ignore[arg-type]
+        operator.practise("object", lambda t_s, level: vest(t_s, told_frame(level)))
+        closure = operator.beliefs["object"].closure
+        trust = max(closure.trust("front"), closure.trust("back"))
+        return trust, grasp(operator, vest).acts
+
+    trusted, acts = practised("informative")
+    assert trusted > 0.5
+    assert practised("unrelated")[0] < 0.05
+    # Which finger vibrates changes nothing, whether one does a good deal.
+    assert practised("permuted") == (trusted, acts)
+    assert practised("silent", 3)[1] != practised("informative", 3)[1]
+
+
+def test_what_a_command_has_not_changed_yet_is_not_answered() -> None:
+    operator = Operator(typical_person(), seed=1)
+    operator.begin("object", width_m=0.07)
+    assert operator._trial is not None
+    grip = operator._trial.grip
+
+    def answered(kind: Kind, at_s: float) -> list[bool]:
+        """Return whether it is answered if it began before, just after, and long after a command."""
+        times_s = (at_s - 0.1, at_s + 0.2, at_s + 0.7)
+        return [not grip._precedes(SeenEvent(began_s + 0.3, kind, began_s)) for began_s in times_s]
+
+    grip._command(1.0, 3, anew=True)
+    assert (answered("slip", 1.0), answered("deformation", 1.0)) == (
+        [False, False, True],
+        [False, True, True],
+    )
+    grip._command(5.0, 2)
+    assert (answered("slip", 5.0), answered("deformation", 5.0)) == (
+        [False, True, True],
+        [False, False, True],
+    )

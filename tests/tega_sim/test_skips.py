@@ -24,51 +24,13 @@ from tega.loop.loop import DualLoop
 from tega.loop.pacing import Pacer
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
-from tega.records import Contact, Intent
+from tega.records import Intent
 from tega.runtime.clock import ManualClock
 from tega_sim.gel import Gel
 
 
 def table(path: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(path.read_text().splitlines()))
-
-
-# Vest frames
-
-
-def run_kept(vest: Sink, recorder: Sink, contacts: list[Contact], *, end_ns: int) -> DualLoop:
-    loop = wired_loop(
-        Pacer(ManualClock()),
-        TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
-        contacts={"thumb": PulledStream(contacts, end_ns=end_ns)},
-        levels=None,
-        vests=[recorder],
-        hands=[],
-        live_vests=[vest],
-    )
-    loop.run()
-    return loop
-
-
-def test_a_vest_gets_every_tick_and_its_driver_knows_what_to_send() -> None:
-    vest, recorder = Sink(), Sink()
-    contacts = [touching(50 if k < 20 else 80, t_ns=k * 10 * MS) for k in range(40)]
-    report = run_kept(vest, recorder, contacts, end_ns=400 * MS).report
-    assert [t for t, _ in recorder.sent] == [*(round(k * 1e9 / 30) for k in range(12)), 400 * MS]
-    assert vest.sent == recorder.sent
-    assert report.n_vest_ticks == 12
-    assert not vest.sent[-1][1].intensities.any()
-
-
-def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
-    recorder = Sink()
-    contacts = [touching(50 + k, t_ns=k * 10 * MS) for k in range(40)]
-    with pytest.raises(DeviceUnavailableError, match="cable"):
-        run_kept(Sink(fail_at_ns=50 * MS), recorder, contacts, end_ns=400 * MS)
-    assert not recorder.sent[-1][1].intensities.any()
-
-
-# What is not there
 
 
 class Waits(ManualClock):
@@ -83,8 +45,10 @@ class Waits(ManualClock):
         super().sleep_until(t_ns)
 
 
-def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, Sink, Sink]:
-    clock, vest, hand = Waits(), Sink(), Sink()
+def run_parts(
+    *, touch: bool, emg: bool, live: Sink | None = None, recorder: Sink | None = None, **how: Any
+) -> tuple[DualLoop, Waits, Sink, Sink]:
+    clock, vest, hand = Waits(), recorder or Sink(), Sink()
     contacts = [touching(50, t_ns=k * 16 * MS) for k in range(61)] if touch else []
     levels = [Intent(t_ns=k * 100 * MS, channels=(2,), level=2) for k in range(1, 10)]
     streams = {"thumb": PulledStream(contacts, end_ns=1000 * MS)} if touch else {}
@@ -95,10 +59,17 @@ def run_parts(*, touch: bool, emg: bool, **how: Any) -> tuple[DualLoop, Waits, S
         levels=PulledStream(levels, end_ns=1000 * MS) if emg else None,
         vests=[vest],
         hands=[hand],
-        live_vests=[vest],
+        live_vests=[live or vest],
     )
     loop.run(**how)
     return loop, clock, vest, hand
+
+
+def test_a_vest_that_fails_does_not_keep_the_others_from_silence() -> None:
+    recorder = Sink()
+    with pytest.raises(DeviceUnavailableError, match="cable"):
+        run_parts(touch=True, emg=False, live=Sink(fail_at_ns=50 * MS), recorder=recorder)
+    assert not recorder.sent[-1][1].intensities.any()
 
 
 VEST_TIMES = [round(k * 1e9 / 30) for k in range(30)]
@@ -223,30 +194,11 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     assert "thumb" not in (tmp_path / "one" / "calibration.toml").read_text()
 
 
-def test_the_back_loop_holds_nothing_of_fingers_not_in_use() -> None:
-    touch = TouchLoop({"ring": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32")
-    touch.update("ring", touching(100, 1.0))
-    assert {len(held) for held in (touch._maxima, touch._newest)} == {1}
-    assert touch.frame(0).intensities[:4].tolist() == [0, 0, 0, 99]
-
-
 @pytest.mark.usefixtures("plugin")
-def test_a_vest_that_does_not_spare_itself_is_told_every_frame(tmp_path: Path) -> None:
-    plain = run_session(session(tmp_path, "plain"))
-    assert (plain["vest"]["frames"], plain["vest"]["sent"], plain["vest"]["skipped"]) == (60, 0, 0)
-    vest = {"driver": "live-vest", "options": {"file": "live.csv"}}
-    text = run_session(session(tmp_path, "live", vest=vest))["vest"]
-    assert text["sinks"] == ["live-vest", "vest-recorder"]
-    assert (text["sent"], text["skipped"]) == (60, 0)
-    recorded = (tmp_path / "live" / "vest.csv").read_text()
-    assert (tmp_path / "live.csv").read_text() == recorded
-    assert recorded == (tmp_path / "plain" / "vest.csv").read_text()
-
-
-@pytest.mark.usefixtures("plugin")
-def test_a_vest_that_only_records_gets_every_tick(tmp_path: Path) -> None:
-    vest = {"driver": "vest-recorder", "options": {"file": "mine.csv"}}
+@pytest.mark.parametrize(("driver", "n_sent"), [("live-vest", 60), ("vest-recorder", 0)])
+def test_a_vest_that_does_not_spare_itself_gets_every_frame(tmp_path: Path, driver: str, n_sent: int) -> None:
+    vest = {"driver": driver, "options": {"file": "mine.csv"}}
     text = run_session(session(tmp_path, "out", vest=vest))["vest"]
-    assert text["sinks"] == ["vest-recorder", "vest-recorder"]
-    assert (text["sent"], text["skipped"]) == (0, 0)
+    assert text["sinks"] == [driver, "vest-recorder"]
+    assert (text["frames"], text["sent"], text["skipped"]) == (60, n_sent, 0)
     assert (tmp_path / "mine.csv").read_bytes() == (tmp_path / "out" / "vest.csv").read_bytes()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from tega.errors import InvalidValueError
 from tega.tactile.tracker import GelLight, KnownPress, TouchTracker, calibrate_light, nominal_light
-from tega_figures.gel_sequences import SHAPES, press_sequence, pressing, ramp
+from tega_figures.gel_sequences import SHAPES, GelMoment, press_sequence, pressing, ramp
 from tega_figures.touch_presses import (
     CALIBRATION,
     calibrated_errors,
@@ -25,6 +25,28 @@ from tega_figures.touch_presses import (
 from tega_sim.gel import Gel
 
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
+
+
+def pressed(
+    name: str, seed: int, course: dict[float, float], *, seconds: float, rate_hz: float = 60.0
+) -> list[GelMoment]:
+    """Return a press of forces at times, straight between them."""
+    times_s, forces_n = list(course), list(course.values())
+    moments = press_sequence(
+        name,
+        seed=seed,
+        force_n=lambda t_s: float(np.interp(t_s, times_s, forces_n)),
+        duration_s=seconds,
+        rate_hz=rate_hz,
+    )
+    return list(moments)
+
+
+def felt(moments: list[GelMoment], *, rate_hz: float = 60.0, loaded: bool = False) -> list[bool]:
+    tracker = TouchTracker(moments[0].image, rate_hz=rate_hz)
+    return [tracker.update(moment.image, loaded=loaded).in_contact for moment in moments]
+
+
 UNITS = unit_seeds(2)
 PRESSES = [(name, UNITS[number % 2]) for number, name in enumerate(SHAPES)]
 scored = lru_cache(score_press)
@@ -51,18 +73,9 @@ def test_a_press_over_three_seconds_is_felt_by_six_tenths_of_a_newton(name: str)
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_an_eased_grip_stays_felt_for_ten_seconds(name: str) -> None:
-    ends_s, forces_n = (2.0, 3.0, 4.0, 7.0, 17.0), (0.0, 5.0, 5.0, 0.5, 0.5)
-    moments = press_sequence(
-        name,
-        seed=UNITS[0],
-        force_n=lambda t_s: float(np.interp(t_s, ends_s, forces_n)),
-        duration_s=17.0,
-        rate_hz=15.0,
-    )
-    first = next(moments)
-    tracker = TouchTracker(first.image, rate_hz=15.0)
-    on = [(m.t_s, tracker.update(m.image).in_contact) for m in moments]
-    assert all(felt for t_s, felt in on if t_s > 3.0)
+    course = {2.0: 0.0, 3.0: 5.0, 4.0: 5.0, 7.0: 0.5, 17.0: 0.5}
+    moments = pressed(name, UNITS[0], course, seconds=17.0, rate_hz=15.0)
+    assert all(on for m, on in zip(moments, felt(moments, rate_hz=15.0), strict=True) if m.t_s > 3.0)
 
 
 @pytest.mark.parametrize(("name", "seed"), PRESSES)
@@ -73,26 +86,15 @@ def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_f
     felt_n = scored(name, seed).felt_n
     force_n = ramp(peak_n=3.0, wait_s=1.0, rise_s=0.3, hold_s=1.0, fall_s=0.1)
     moments = list(press_sequence(name, seed=seed, force_n=force_n, duration_s=1.5))
-    tracker = TouchTracker(moments[0].image)
-    on = [tracker.update(snapshot.image).in_contact for snapshot in moments]
     reached = next(k for k, snapshot in enumerate(moments) if snapshot.force_n >= felt_n)
-    assert on.index(True) - reached <= 2
+    assert felt(moments).index(True) - reached <= 2
 
 
 def test_a_grip_that_was_taken_for_a_leftover_is_felt_when_it_tightens() -> None:
     """Eased to 0.3 N a pad shows a leftover's picture; 0.7 N is too little for a new contact over a leftover."""
-    ends_s, forces_n = (1.0, 2.0, 3.0, 3.2, 3.4, 3.6), (0.0, 5.0, 5.0, 0.3, 0.3, 0.7)
+    course = {1.0: 0.0, 2.0: 5.0, 3.0: 5.0, 3.2: 0.3, 3.4: 0.3, 3.6: 0.7}
     for seed in UNITS:
-        moments = list(
-            press_sequence(
-                "pad 5 x 5",
-                seed=seed,
-                force_n=lambda t_s: float(np.interp(t_s, ends_s, forces_n)),
-                duration_s=6.0,
-            )
-        )
-        tracker = TouchTracker(moments[0].image)
-        on = [tracker.update(snapshot.image).in_contact for snapshot in moments]
+        on = felt(pressed("pad 5 x 5", seed, course, seconds=6.0))
         assert not all(on[180:216])
         # What does not sink is felt after 0.8 s in any case, that is from 4.1 s on.
         assert all(on[234:])
@@ -101,16 +103,11 @@ def test_a_grip_that_was_taken_for_a_leftover_is_felt_when_it_tightens() -> None
 @pytest.mark.parametrize("name", ["ball 4 mm", "bar", "wall along", "edge", "face"])
 def test_a_finger_that_lets_go_while_another_holds_is_silent_within_a_tenth_of_a_second(name: str) -> None:
     """Eased to a third within a quarter of a second it is held; to nothing it is a release, whatever the others do."""
-    ends_s, forces_n = (1.0, 2.0, 4.0, 4.2, 4.6, 4.9), (0.0, 5.0, 5.0, 1.8, 1.8, 0.0)
-    moments = list(
-        press_sequence(
-            name, seed=UNITS[1], force_n=lambda t_s: float(np.interp(t_s, ends_s, forces_n)), duration_s=6.0
-        )
-    )
-    tracker = TouchTracker(moments[0].image)
-    on = [(m.t_s, tracker.update(m.image, loaded=True).in_contact) for m in moments]
-    assert all(felt for t_s, felt in on if 1.5 < t_s < 4.7)
-    assert not any(felt for t_s, felt in on if t_s > 5.0 + 1e-9)
+    course = {1.0: 0.0, 2.0: 5.0, 4.0: 5.0, 4.2: 1.8, 4.6: 1.8, 4.9: 0.0}
+    moments = pressed(name, UNITS[1], course, seconds=6.0)
+    on = list(zip([m.t_s for m in moments], felt(moments, loaded=True), strict=True))
+    assert all(touches for t_s, touches in on if 1.5 < t_s < 4.7)
+    assert not any(touches for t_s, touches in on if t_s > 5.0 + 1e-9)
 
 
 @lru_cache

@@ -2,43 +2,57 @@
 
 from __future__ import annotations
 
+import lzma
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from msgspec.structs import replace
 
+from reference.sessions import read_recorded
 from tega.config.calibration import TouchMaxima
+from tega.config.choose import chosen_stage
 from tega.errors import ConfigError, InvalidValueError
+from tega.hand import CLOSURE_POSES_RAD, ModelledHand, closure_level, joined_level, split_level
 from tega.haptics import FeltMap, MotorLevels, intensity
 from tega.haptics.motor_layout import PAPER32, X16, Motor, MotorLayout, find_layout
 from tega.loop.touch import TouchLoop
 from tega.records import Contact
-from tega.stages import NamedValue, VestSetup
+from tega.stages import NamedValue
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
-
-# Mapping and layouts.
+from tega_figures.felt.information import Discriminant
+from tega_figures.felt.shown import score_lifts
+from tega_figures.felt.skin import BatchSkin
+from tega_sim.lab import lab_of
+from tega_sim.operator.person import typical_person
+from tega_sim.plan import TrialPlan, loop_settings
+from tega_sim.true_touch import touch_of
 
 
 def contact(**values: Any) -> Any:
-    given = {"cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
-    return Contact(finger="index", t_ns=0, **given)
+    given = {"finger": "index", "cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
+    return Contact(t_ns=0, **given)
 
 
-def displayed(touched: Contact, layout: str = "x16", mirror: Any = "none", **options: Any) -> list[list[int]]:
-    """Return the upper row of front and back that an index finger's contact lights."""
-
-    def make(setup: VestSetup) -> ColumnsMapping:
-        return ColumnsMapping(setup, ColumnsOptions(**options))
-
+def shown(
+    touched: Contact, layout: Any = "x16", mirror: Any = "none", **options: Any
+) -> tuple[Any, TouchLoop]:
+    """Return all rows of front and back that a finger's contact lights, and the loop that does."""
     loop = TouchLoop(
-        {"index": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout=layout, mirror=mirror, mapping=make
+        {touched.finger: TouchMaxima(cci_max=0.08, eda_max=8000.0)},
+        layout=layout,
+        mirror=mirror,
+        mapping=lambda setup: ColumnsMapping(setup, ColumnsOptions(**options)),
     )
-    loop.update("index", touched)
-    frame = loop.frame(0)
-    half = len(frame.intensities) // 2
-    return [frame.intensities[:4].tolist(), frame.intensities[half : half + 4].tolist()]
+    loop.update(touched.finger, touched)
+    return loop.frame(0).intensities.reshape(2, -1, 4), loop
+
+
+def displayed(touched: Contact, mirror: Any = "none", **options: Any) -> list[list[int]]:
+    """Return the upper row of front and back."""
+    return [rows[0].tolist() for rows in shown(touched, mirror=mirror, **options)[0]]
 
 
 def test_law_routing_fingers_and_mirror_are_options() -> None:
@@ -100,12 +114,7 @@ def test_a_contact_goes_through_the_loop_with_all_its_values() -> None:
     assert FeltMap(threshold=20).apply(MotorLevels("x16", np.full(16, 50, np.uint8))).intensities[0] == 60
 
 
-# The hand.
-
-
 def test_the_hand_goes_to_a_place_between_two_levels() -> None:
-    from tega.hand import CLOSURE_POSES_RAD, ModelledHand, closure_level, joined_level, split_level
-
     level = closure_level(0.6)
     hand, whole = ModelledHand(), ModelledHand()
     for _ in range(1500):
@@ -122,17 +131,6 @@ def test_the_hand_goes_to_a_place_between_two_levels() -> None:
         assert joined_level(*split_level(requested)) == requested
 
 
-def test_the_guard_limits_a_closure_as_it_does_a_level() -> None:
-    from tega.safety.guard import Guard
-
-    guard = Guard()
-    guard.check(0, late_ns=0, stamps={}, counts={})
-    assert guard.state == "active"
-    assert [guard.level(wanted) for wanted in (3.4, 2, 9.0, -1.0, math.nan)] == [3.4, 2, 5, 1, 1]
-    guard.stop(1, "over")
-    assert guard.level(4.2) == 1
-
-
 def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
     assert displayed(contact(eda=2000), law="power")[1] == [0, 50, 0, 0]
     assert displayed(contact(eda=2000), law="power", exponent=1.0)[1] == [0, 25, 0, 0]
@@ -141,13 +139,55 @@ def test_every_reading_of_the_vest_s_law_is_an_option() -> None:
     assert displayed(contact(in_contact=False), at_rest="law") == [[0, 1, 0, 0], [0, 1, 0, 0]]
     assert displayed(contact(in_contact=False)) == [[0, 0, 0, 0], [0, 0, 0, 0]]
 
-    def make(setup: VestSetup) -> ColumnsMapping:
-        return ColumnsMapping(setup, ColumnsOptions(rows="bar", law="linear"))
-
-    loop = TouchLoop({"thumb": TouchMaxima(cci_max=0.08, eda_max=8000.0)}, layout="x40", mapping=make)
-    loop.update("thumb", contact(cci=0.04, eda=8000))
-    levels = loop.frame(0).intensities.reshape(2, 5, 4)
+    levels, loop = shown(contact(finger="thumb", cci=0.04, eda=8000), "x40", rows="bar", law="linear")
     assert levels[0, :, 0].tolist() == [0, 0, 50, 100, 100]
     assert levels[1, :, 0].tolist() == [100] * 5
     assert not levels[:, :, 1:].any()
     assert loop.mapping.levels(0, {"thumb": contact(cci=0.08, eda=8000)}, ()).max() == 100
+
+
+GOLDEN = Path(__file__).parent.parent / "golden"
+
+
+@pytest.mark.slow
+def test_a_loaded_finger_is_felt_and_an_untouched_one_is_silent() -> None:
+    found = score_lifts([51, 52])
+    loaded, free = sum(one.loaded for one in found), sum(one.free for one in found)
+    assert loaded > 5000
+    assert sum(one.felt for one in found) >= 0.97 * loaded
+    assert min(one.felt / one.loaded for one in found if one.loaded > 50) >= 0.9
+    assert sum(one.false for one in found) <= 0.005 * free
+    assert np.median([one.rank for one in found]) >= 0.85
+
+
+def test_a_simulated_trial_takes_the_wearer_s_thresholds() -> None:
+    lowest = []
+    for settings in ((), ("vest.threshold=45",)):
+        lab = lab_of(3, "live", settings)
+        touch = touch_of(lab, TrialPlan(object="bag", seed=3, settings=settings), layout="x40")
+        faint = Contact(finger="thumb", t_ns=0, in_contact=True, cci=1e-9, eda=0)
+        frame = touch.displayed(0, {"thumb": faint}, ())
+        lowest.append(int(frame.intensities[frame.intensities > 0].min()))
+    assert lowest == [26, 59]
+
+
+def test_the_paper_and_recordings_of_the_earlier_default_keep_the_printed_law(tmp_path: Path) -> None:
+    chosen = {p: chosen_stage("mapping", loop_settings(p, ()).stages, p).name for p in ("paper", "live")}
+    assert chosen == {"paper": "columns", "live": "equal-steps"}
+    path = tmp_path / "live.mcap"
+    path.write_bytes(lzma.decompress((GOLDEN / "1-live.mcap.xz").read_bytes()))
+    recorded = read_recorded(path)
+    assert recorded.head.config.session.preset == "live"
+    assert recorded.head.config.stages.mapping.name == "columns"
+
+
+def test_a_vest_that_is_off_is_not_felt_and_motors_are_named_by_their_place() -> None:
+    rng = np.random.default_rng(6)
+    skin = BatchSkin(typical_person().vest)
+    off = np.zeros((50, 40), np.uint8)
+    assert np.ptp(skin.percepts(off, 50, rng), axis=0).max() == 0
+    places = [np.eye(40, dtype=np.uint8)[[motor] * 50] * np.uint8(15) for motor in (0, 3)]
+    percepts = np.concatenate([skin.percepts(levels, 100, rng) for levels in places])
+    stimuli = np.repeat([0, 1], 100)
+    named = Discriminant(percepts[::2], stimuli[::2]).named(percepts[1::2])
+    assert (named == stimuli[1::2]).mean() > 0.9

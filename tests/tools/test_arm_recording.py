@@ -27,7 +27,8 @@ from tega.recording.poses_file import PosesFile, PosesFileOptions, forearm
 from tega.recording.replay import replay_file
 from tega.recording.trim import trim_session
 from tega_emulators.lab import emulated_lab
-from tega_figures.arm_path import hand_of
+from tega_emulators.scripted_poses import write_poses
+from tega_figures.arm_path import follow_path, hand_of, hand_path, tracked
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 pytest.importorskip("foxglove", reason="comes with the extra record")
@@ -246,3 +247,16 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
 def test_a_recorded_forearm_in_other_axes_is_refused(session: Path) -> None:
     with pytest.raises(RecordingError, match="was recorded in the axes 'openxr', not 'base'"):
         PosesFile(PosesFileOptions(file=session, frame="base")).open()
+
+
+@pytest.mark.slow
+def test_a_recorded_hand_picks_and_places(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco", reason="pip install '.[sim]'")
+    path, file = hand_path(), tmp_path / "hand.csv"
+    write_poses(file, tracked(path.at, path.duration_s, seed=1))
+    default = follow_path(hand_of(file), path)
+    assert default.following > 0.98
+    assert default.shape_mm < 10
+    assert default.turn_mrad < 40
+    assert default.placed.lifted_m > 0.19
+    assert default.placed.placed

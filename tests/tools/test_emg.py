@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -124,15 +126,12 @@ def test_a_wrong_type_is_refused(dtype: str) -> None:
 
 
 def test_bad_settings_are_refused() -> None:
-    for rate_hz in (0.0, -200.0, np.nan, np.inf):
-        with pytest.raises(InvalidValueError, match="rate_hz"):
-            ButterworthLowpass(rate_hz)
-    for order in (-1, 0, 9):
-        with pytest.raises(InvalidValueError, match="order"):
-            ButterworthLowpass(200, order=order)
-    for channels in (-1, 0, 1025):
-        with pytest.raises(InvalidValueError, match="channels"):
-            ButterworthLowpass(200, channels=channels)
+    wrong = {"rate_hz": (0.0, -200.0, np.nan, np.inf), "order": (-1, 0, 9), "channels": (-1, 0, 1025)}
+    for name, values in wrong.items():
+        for value in values:
+            options: Any = {"rate_hz": 200.0, name: value}
+            with pytest.raises(InvalidValueError, match=name):
+                ButterworthLowpass(**options)
     for tau in (-5, 0, 10_000_001):
         with pytest.raises(InvalidValueError, match="tau"):
             BlockMean(tau)

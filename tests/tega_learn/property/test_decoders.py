@@ -261,9 +261,6 @@ def of_two() -> LearnedDecoder:
     return fit(emg, closure, rate_hz=RATE_HZ, tau=TAU)
 
 
-# Stages.
-
-
 def setup(**changes: Any) -> MuscleSetup:
     return MuscleSetup("raw", RATE_HZ, TAU, ("a", "b", "c"), (80.0,) * 3, "live")._replace(**changes)
 
