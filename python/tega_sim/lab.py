@@ -140,8 +140,9 @@ class Lab:
         for number in range(PRESSES * (PRESS_FRAMES + PAUSE_FRAMES)):
             press, since = divmod(number, PRESS_FRAMES + PAUSE_FRAMES)
             share = math.sin(math.pi * (since + 0.5) / PRESS_FRAMES) if since < PRESS_FRAMES else 0.0
-            on = {"force_n": FULL_N * share}
-            image = gel.frame([board(**on) if press % 2 else ball(**on, radius_mm=MARBLE_RADIUS_MM)], number)
+            force_n = FULL_N * share
+            on = board(force_n=force_n) if press % 2 else ball(force_n=force_n, radius_mm=MARBLE_RADIUS_MM)
+            image = gel.frame([on], number)
             contact = meter.take(TactileFrame(number, number * FRAME_NS, image, "simulated press"))
             if contact is not None:
                 contacts.append(contact)

@@ -19,6 +19,7 @@ pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
 import av
+import numpy as np
 
 from reference.film_server import FilmServer
 from reference.filmed import SIZE, film, number_of
@@ -315,7 +316,10 @@ def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path:
     assert reported["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
     episodes = json.loads((out / "meta" / "tega.json").read_text())["episodes"]
     with av.open(str(out / "videos/observation.images.front/chunk-000/file-000.mp4")) as opened:
-        numbers = [number_of(frame.to_ndarray(format="bgr24")) for frame in opened.decode(video=0)]
+        numbers = [
+            number_of(np.asarray(frame.to_ndarray(format="bgr24"), np.uint8))
+            for frame in opened.decode(video=0)
+        ]
     assert len(numbers) == reported["total_frames"] > 20
     assert len(episodes) == 2
     first = numbers[: reported["total_frames"] // 2 - 1]

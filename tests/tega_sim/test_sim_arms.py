@@ -242,7 +242,7 @@ def test_practice_shows_the_bench_s_own_vest_level_by_level_where_there_is_one(l
     def odds(condition: str) -> tuple[float, dict[Panel, float], dict[Panel, float]]:
         """Return how long the practice lasts, and what is believed of each panel after it and before."""
         someone = operator(lab, condition, "container")
-        plan = TrialPlan(object="container", condition=condition, seed=3)
+        plan = TrialPlan.checked({"object": "container", "condition": condition, "seed": 3})
         simulated_s = practise(lab, plan, someone)
         before = Closure(someone.person.grip, someone.person.vest.threshold)
         return simulated_s, someone.beliefs["container"].closure.log_odds, before.log_odds

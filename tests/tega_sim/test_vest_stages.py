@@ -32,8 +32,8 @@ from tega_sim.true_touch import touch_of
 
 
 def contact(**values: Any) -> Any:
-    given = {"finger": "index", "cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True} | values
-    return Contact(t_ns=0, **given)
+    given: Any = {"finger": "index", "cci": 0.04, "eda": 4000, "peak": 60.0, "in_contact": True}
+    return Contact(t_ns=0, **given | values)
 
 
 def shown(

@@ -226,7 +226,8 @@ class World:
 
     def _place(self, height_m: float, back_m: float) -> NDArray[np.float64]:
         # Back is away from the palm, and somewhat from the fingertips: so an open hand comes to the object untouched.
-        return self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        place: NDArray[np.float64] = self._grasp + back_m * _BACK + np.array([0.0, 0.0, height_m])
+        return place
 
     def _attend(self) -> None:
         """Do the work between steps: lead the arm, carry the hand's weight, note the state."""
