@@ -11,7 +11,7 @@ import msgspec
 
 from tega_study.analyse import Analysis
 from tega_study.coupling import TouchCourse, on_grid
-from tega_study.difference import Cell, Direction
+from tega_study.difference import Direction
 
 PAPER_LABELS = {
     "duration_s": "Completion Time",
@@ -23,15 +23,10 @@ PAPER_LABELS = {
 
 def table_1(analysis: Analysis) -> list[list[str]]:
     """Return Table I as the paper prints it: a row a condition and metric, a column an object; time in seconds."""
-    return table_of(analysis.cells, analysis.objects, analysis.conditions)
-
-
-def table_of(cells: Sequence[Cell], objects: Sequence[str], conditions: Sequence[str]) -> list[list[str]]:
-    """Return Table I of cells, as :func:`table_1` does."""
-    rows = [["Condition", "Metric", *objects]]
-    of = {(cell.object, cell.condition): cell for cell in cells}
-    for condition in conditions:
-        cells = [of[name, condition] for name in objects]
+    rows = [["Condition", "Metric", *analysis.objects]]
+    of = {(cell.object, cell.condition): cell for cell in analysis.cells}
+    for condition in analysis.conditions:
+        cells = [of[name, condition] for name in analysis.objects]
         for metric, label in PAPER_LABELS.items():
             if metric == "success":
                 values = [f"{cell.successes}/{len(cell.trials)}" for cell in cells]

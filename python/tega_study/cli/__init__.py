@@ -6,7 +6,7 @@ import click
 
 from tega_study.cli.plan import forms, object_, plan, status
 from tega_study.cli.privacy import bundle, export, open_, withdraw
-from tega_study.cli.report import power, report, sites
+from tega_study.cli.report import power, report
 from tega_study.cli.run import observe, run, tell
 from tega_study.cli.score import clips, detect, score
 from tega_study.cli.simulate import sensitivity, simulate
@@ -20,7 +20,7 @@ def study() -> None:
 
 
 _LED = (plan, object_, forms, run, tell, observe, detect, clips, status)
-_DONE = (score, report, withdraw, export, bundle, open_, sites, power, simulate, sensitivity)
+_DONE = (score, report, withdraw, export, bundle, open_, power, simulate, sensitivity)
 
 for _verb in (*_LED, *_DONE):
     study.add_command(_verb)

@@ -1,4 +1,4 @@
-"""Analyse studies and plan their size: ``tega-teleop study report``, ``sites`` and ``power``."""
+"""Analyse studies and plan their size: ``tega-teleop study report`` and ``power``."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.errors import InvalidValueError
 from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import FILE, FOLDER, PATH, answer, shown_option
+from tega_study.cli.options import FOLDER, PATH, answer, shown_option
 
 if TYPE_CHECKING:
     from tega_study.analyse import Analysis
@@ -69,41 +68,6 @@ def _print(analysis: Analysis) -> None:
     for row in rows:
         displayed.add_row(*row)
     out.print(displayed)
-
-
-@click.command(epilog="Example: tega-teleop study sites here/*.zip there/*.zip --out table1.csv")
-@click.argument("bundles", type=FILE, nargs=-1, required=True)
-@click.option("--out", type=FILE, help="CSV file for the table; new.")
-@click.option("--unblind", is_flag=True, help="Compare conditions before the plan of every site is complete.")
-@json_option
-def sites(*, bundles: tuple[Path, ...], out: Path | None, unblind: bool, as_json: bool) -> None:
-    """Average the sessions of several sites as Table I: each site, and all together.
-
-    BUNDLES are files of study bundle; those of one plan are one site. Every hash is checked and every trial is worked
-    out again. --json prints {sites, interim, rehearsed, table1}.
-    """
-    from tega_study.sites import sites_table
-    from tega_study.tables import csv_text
-
-    if out is not None and out.exists():
-        raise InvalidValueError(f"{out}: is there already", "name a new file")
-    found = sites_table(bundles, unblind=unblind)
-    text = csv_text(found.rows)
-    if out is not None:
-        out.write_text(text, encoding="utf-8", newline="\n")
-    rehearsed = found.sites[0].rehearsed
-    of = [{"site": s.name, "plan_sha256": s.plan_sha256, "complete": s.complete} for s in found.sites]
-    lines = [
-        f"{site.name}: {site.complete} of {site.planned} people complete, plan {site.plan_sha256[:12]}"
-        for site in found.sites
-    ]
-    if rehearsed:
-        lines.append("not data of persons: the sessions ran on simulated or emulated devices")
-    if found.interim:
-        lines.append("interim: conditions are compared before every plan is complete")
-    lines.append(text.removesuffix("\n") if out is None else str(out))
-    value = {"sites": of, "interim": found.interim, "rehearsed": rehearsed, "table1": found.rows}
-    answer(value, lines, as_json=as_json)
 
 
 _SIZES = (6, 9, 12, 18, 24)
