@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 
@@ -32,16 +32,13 @@ FORMAT = "tega-study-analysis"
 
 
 class Flow(msgspec.Struct, frozen=True, kw_only=True):
-    """Counts of the people and trials that took part.
+    """Counts of the people and trials that took part; ``None`` without a plan.
 
     Attributes:
-        planned_people: ``None`` without a plan, like ``planned_trials``.
-        withdrawn: People whose data were deleted.
         people: With at least one trial.
         planned_trials: Of people who have not withdrawn.
         status: Trials by how they ended; ``not run`` for the rest.
-        redone: The experimenter's reason, by id of a trial of which an attempt that took place does not
-            count.
+        redone: The experimenter's reason, by id of a trial of which an attempt that took place does not count.
     """
 
     planned_people: int | None
@@ -63,12 +60,11 @@ class Analysis(msgspec.Struct, frozen=True, kw_only=True):
         unblinded: When results were looked at before the plan was complete, and how far it was then.
         conditions: The first is compared with the second.
         family: Tests that were corrected together.
-        plan_sha256: Empty without a plan.
         probes: The second task, where the plan has one.
         sensitivity: Which directions hold when an assumption is changed.
         fingers: The contacts that Fig 3 shows.
-        outcomes: Each outcome's difference between the first two conditions, over people.
-        further: The same of each further condition, less the second.
+        outcomes: Each outcome's difference between the first two conditions, over people; ``further`` of each
+            further condition, less the second.
         rehearsed: In a plan for real participants, those with a session outside the lab.
         counted_by: Number of trials that count, by who counted their slips, deformations and drops.
     """
@@ -120,8 +116,8 @@ def analyse_study(folder: Path, *, unblind: bool = False) -> tuple[Analysis, Fig
     """Analyse a study's folder; nothing else is read.
 
     ``unblind`` compares conditions before the plan is complete, and is written into the study's journal: a
-    test loses its error rate if the study is stopped or changed after a look. The courses and pictures are
-    those that the analysis used. Without a trial that counts there is a ``RecordingError``.
+    test loses its error rate if the study is stopped or changed after a look. Without a trial that counts there
+    is a ``RecordingError``.
     """
     plan, trials = study_trials(folder)
     settings, stay = plan.settings, staying(folder, plan)
@@ -193,18 +189,11 @@ def analyse_bench(paths: Sequence[Path]) -> Analysis:
             "run sim trials with --conditions haptic,non-haptic",
         )
     if "non-haptic" in conditions:  # the reference
-        others = [one for one in conditions if one not in {"haptic", "non-haptic"}]
-        conditions = (*(["haptic"] if "haptic" in conditions else []), *others)
-        conditions = (conditions[0], "non-haptic", *conditions[1:])
-    people = len({trial.participant for trial in trials})
-    flow = Flow(
-        planned_people=None,
-        withdrawn=0,
-        people=people,
-        complete=people,
-        planned_trials=None,
-        status=_status(trials),
-    )
+        first, *others = sorted((one for one in conditions if one != "non-haptic"), key="haptic".__ne__)
+        conditions = (first, "non-haptic", *others)
+    n = len({trial.participant for trial in trials})
+    none: dict[str, Any] = {"planned_people": None, "planned_trials": None, "withdrawn": 0}
+    flow = Flow(people=n, complete=n, status=_status(trials), **none)
     blind = Analysis(
         source=", ".join(path.name for path in paths),
         simulated=True,

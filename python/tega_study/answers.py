@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from itertools import product
 
 import msgspec
@@ -16,6 +16,7 @@ from tega_study.coupling import (
     correlate,
     dwell,
     fisher_mean,
+    fisher_z,
     lag_sweep,
     on_grid,
     other_trials,
@@ -35,8 +36,7 @@ class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         n_eff: Independent samples that they are worth.
-        r: Pearson, lag 0; ``None`` where a series does not change.
-        low: Lower end of the 95 % interval with ``n_eff``.
+        r: Pearson, lag 0; ``None`` where a series does not change. ``low`` to ``high`` is its 95 % interval.
         r_others: Mean with the touch of the person's other trials of this object and condition.
         p_others: Share of those pairings, and this one, that reach ``r``: one-sided, 1 / number at least.
         slope: Answer to touch, see :func:`tega_study.coupling.response_slope`.
@@ -61,7 +61,6 @@ class ArmCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One condition's correlations of the pose with one signal.
 
     Attributes:
-        trials: With a correlation; ``people`` are those in them.
         r: Mean by Fisher's z over each person's trials, then over people.
         positive: Share of trials with r above 0.
         r_pooled: Over all samples of all trials in one; mixes differences between trials into it.
@@ -90,7 +89,6 @@ class Contrast(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         what: ``r`` (in Fisher's z) or ``slope``.
-        people: With both.
         p: Sign-flip; ``None`` below six people.
     """
 
@@ -105,10 +103,8 @@ class PoseUse(msgspec.Struct, frozen=True, kw_only=True):
     """Use of the poses with one object under one vest condition; means over the trials that have a course.
 
     Attributes:
-        dwell: Share of time at each of the poses 0 to 4.
-        intermediate: Share at 1 to 3.
-        transitions: Number of changes per trial.
-        transitions_intermediate: Of these, into or out of an intermediate pose.
+        dwell: Share of time at each of the poses 0 to 4; ``intermediate`` at 1 to 3.
+        transitions: Changes per trial; ``transitions_intermediate`` of these into or out of 1 to 3.
         silent: Share of the time with a closed hand after lift-off in which no finger is read as touching, so
             that the vest is still; ``None`` where nothing was lifted off.
     """
@@ -131,15 +127,13 @@ def answers(
 ) -> tuple[list[TrialCoupling], list[ArmCoupling], list[Contrast], list[PoseUse]]:
     """Correlate pose with touch in all trials, compare the conditions, and measure the use of the poses.
 
-    Trials that do not count or have no course (by trial id) are passed over. Of ``conditions`` the first is
-    compared with the second. The results are by trial and signal, by condition and signal, first condition
-    against second, and the use of the poses.
+    Trials that do not count or have no course (by trial id) are passed over. The results are by trial and
+    signal, by condition and signal, first condition against second, and the use of the poses.
     """
     use = [trial for trial in trials if trial.counts and trial.id in courses]
     even = {trial.id: on_grid(courses[trial.id]) for trial in use}
     rows = [row for signal in SIGNALS for row in _by_trial(use, even, signal)]
-    both = [(signal, condition) for signal in SIGNALS for condition in conditions]
-    arms = [arm for one in both if (arm := _arm(rows, use, even, *one)) is not None]
+    arms = [arm for one in product(SIGNALS, conditions) if (arm := _arm(rows, use, even, *one)) is not None]
     contrasts = [c for signal in SIGNALS for c in _contrasts(rows, signal, conditions)]
     return rows, arms, contrasts, _pose_use(use, even, objects, conditions)
 
@@ -157,9 +151,7 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
         ):
             found = correlate(pose, touch)
             null = [r for r in others if not math.isnan(r)]
-            p = None
-            if null and not math.isnan(found.r):
-                p = (1 + sum(r >= found.r for r in null)) / (1 + len(null))
+            share = (1 + sum(r >= found.r for r in null)) / (1 + len(null))
             rows[trial.id] = TrialCoupling(
                 trial=trial.id,
                 participant=trial.participant,
@@ -172,7 +164,7 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
                 low=_number(found.low),
                 high=_number(found.high),
                 r_others=_number(fisher_mean(null)),
-                p_others=p,
+                p_others=share if null and not math.isnan(found.r) else None,
                 slope=_number(response_slope(pose, touch)),
             )
     return [rows[trial.id] for trial in use]
@@ -191,24 +183,22 @@ def _arm(
     pairs = [(even[t.id].pose, getattr(even[t.id], signal)) for t in use if t.condition == condition]
     most = round(MOST_LAG_S * GRID_HZ)
     sweeps = [[r for _, r in lag_sweep(pose, touch, most=most)] for pose, touch in pairs]
-    curve = [_number(fisher_mean([sweep[i] for sweep in sweeps])) for i in range(2 * most + 1)]
+    curve = [_number(fisher_mean(rs)) for rs in zip(*sweeps, strict=True)]
     lags_s = tuple(lag / GRID_HZ for lag in range(-most, most + 1))
     known = [(r, lag_s) for r, lag_s in zip(curve, lags_s, strict=True) if r is not None]
     rs = [row.r for row in mine if row.r is not None]
-    pooled = pearson(
-        np.concatenate([pose for pose, _ in pairs]), np.concatenate([touch for _, touch in pairs])
-    )
+    pooled = pearson(*(np.concatenate(one) for one in zip(*pairs, strict=True)))
     return ArmCoupling(
         condition=condition,
         signal=signal,
         trials=len(mine),
         people=len({row.participant for row in mine}),
-        r=_number(fisher_mean(list(_by_person(mine, "r").values()))),
+        r=_number(fisher_mean(_by_person(mine, "r").values())),
         lowest=min(rs),
         positive=sum(r > 0 for r in rs) / len(rs),
         r_pooled=_number(pooled),
-        r_others=_number(fisher_mean(list(_by_person(mine, "r_others").values()))),
-        slope=_number(_average(list(_by_person(mine, "slope").values()))),
+        r_others=_number(fisher_mean(_by_person(mine, "r_others").values())),
+        slope=_number(_average(_by_person(mine, "slope").values())),
         lags_s=lags_s,
         lag_r=tuple(curve),
         peak_lag_s=max(known)[1] if known else None,
@@ -219,8 +209,7 @@ def _by_person(rows: Sequence[TrialCoupling], subject: str) -> dict[str, float]:
     """Average over each person's trials: correlations by Fisher's z, slopes plainly."""
     values: dict[str, list[float]] = {}
     for row in rows:
-        value = getattr(row, subject)
-        if value is not None:
+        if (value := getattr(row, subject)) is not None:
             values.setdefault(row.participant, []).append(value)
     average = _average if subject == "slope" else fisher_mean
     return {person: average(some) for person, some in values.items()}
@@ -236,10 +225,7 @@ def _contrasts(rows: Sequence[TrialCoupling], signal: str, conditions: Sequence[
         both = [person for person in sides[0] if person in sides[1]]
         if not both:
             continue
-
-        def scaled(value: float, subject: str = subject) -> float:
-            return math.atanh(min(max(value, -0.999999), 0.999999)) if subject == "r" else value
-
+        scaled = fisher_z if subject == "r" else float
         off = [scaled(sides[0][person]) - scaled(sides[1][person]) for person in both]
         p = sign_flip(off) if len(both) >= SMALLEST_FOR_P else None
         found.append(Contrast(signal=signal, what=subject, people=len(both), difference=_average(off), p=p))
@@ -258,17 +244,18 @@ def _pose_use(
         silent = [one for t in mine if (one := _silent(t, even[t.id])) is not None]
         shares = np.mean([dwell(pose) for pose in poses], axis=0)
         changes = np.mean([transitions(pose) for pose in poses], axis=0)
-        use_of_poses = PoseUse(
-            object=name,
-            condition=condition,
-            trials=len(poses),
-            dwell=tuple(shares.tolist()),
-            intermediate=float(shares[1:4].sum()),
-            transitions=float(changes[0]),
-            transitions_intermediate=float(changes[1]),
-            silent=_number(_average(silent)),
+        found.append(
+            PoseUse(
+                object=name,
+                condition=condition,
+                trials=len(poses),
+                dwell=tuple(shares.tolist()),
+                intermediate=float(shares[1:4].sum()),
+                transitions=float(changes[0]),
+                transitions_intermediate=float(changes[1]),
+                silent=_number(_average(silent)),
+            )
         )
-        found.append(use_of_poses)
     return found
 
 
@@ -279,7 +266,7 @@ def _silent(trial: Trial, course: TouchCourse) -> float | None:
     return float(np.mean((course.cci == 0) & (course.eda == 0), where=closed)) if closed.any() else None
 
 
-def _average(values: Sequence[float]) -> float:
+def _average(values: Collection[float]) -> float:
     return sum(values) / len(values) if values else math.nan
 
 

@@ -9,13 +9,14 @@ each, the versions that wrote it, and the outcome of every trial. Opened, it is 
 from __future__ import annotations
 
 import hashlib
+import math
 import os
 import shutil
 import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import BinaryIO, Final, Literal, NamedTuple
+from typing import IO, Final, Literal, NamedTuple
 
 import msgspec
 
@@ -38,7 +39,6 @@ _OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMET
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
 _MOST_MIB: Final = 256 * 1024
 _MOST_MANIFEST_MIB: Final = 64
-_CHUNK: Final = MIB
 # The earliest that ZIP knows: equal sessions give equal bytes, and no date tells when somebody took part.
 _NO_DATE = (1980, 1, 1, 0, 0, 0)
 
@@ -64,11 +64,9 @@ class BundledFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_
 
 
 class BundleManifest(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """Manifest of a bundle, ``manifest.json``.
+    """Content of ``manifest.json``.
 
-    Attributes:
-        rehearsed: Whether the session, or a part of it, did not run in the lab.
-        files: All but the manifest.
+    ``rehearsed``: whether the session, or a part of it, did not run in the lab. ``files`` are all but this one.
     """
 
     participant: str
@@ -89,10 +87,7 @@ class WrittenBundle(NamedTuple):
 
 
 class OpenedBundle(NamedTuple):
-    """A bundle that was opened; each of its files had the right hash.
-
-    The trials are worked out from its events by this version of TEGA.
-    """
+    """A bundle that was opened, every hash right; the trials are worked out from its events by this version."""
 
     manifest: BundleManifest
     trials: tuple[Trial, ...]
@@ -136,8 +131,12 @@ def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = Fals
         }
         names = bids_names(paths, plan) if bids else {}
         for name, path in paths.items():
-            with path.open("rb") as source:
-                files.append(_pack(packed, name, source, named=names.get(name, "")))
+            named = names.get(name, "")
+            with (
+                path.open("rb") as source,
+                packed.open(_entry(named or name), "w", force_zip64=True) as target,
+            ):
+                files.append(BundledFile(name, *_copied(source, target), named))
         manifest = BundleManifest(
             participant=participant,
             plan_sha256=plan.settings.plan_sha256,
@@ -213,14 +212,14 @@ def _entry(name: str) -> zipfile.ZipInfo:
     return entry
 
 
-def _pack(packed: zipfile.ZipFile, name: str, source: BinaryIO, *, named: str) -> BundledFile:
+def _copied(source: IO[bytes], target: IO[bytes], most: float = math.inf) -> tuple[int, str]:
+    """Copy a file, no further than ``most`` bytes and a chunk; return its length and SHA-256."""
     seen, n_bytes = hashlib.sha256(), 0
-    with packed.open(_entry(named or name), "w", force_zip64=True) as target:
-        while chunk := source.read(_CHUNK):
-            seen.update(chunk)
-            n_bytes += len(chunk)
-            target.write(chunk)
-    return BundledFile(name, n_bytes, seen.hexdigest(), named)
+    while n_bytes <= most and (chunk := source.read(MIB)):
+        seen.update(chunk)
+        n_bytes += len(chunk)
+        target.write(chunk)
+    return n_bytes, seen.hexdigest()
 
 
 @reports_damage
@@ -300,16 +299,12 @@ def _check_names(packed: zipfile.ZipFile, manifest: BundleManifest, source: str)
 
 def _unpack(packed: zipfile.ZipFile, one: BundledFile, path: Path, bundle: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    seen, n_bytes = hashlib.sha256(), 0
     try:
         with packed.open(one.entry) as source, path.open("xb") as target:
-            while n_bytes <= one.n_bytes and (chunk := source.read(_CHUNK)):
-                seen.update(chunk)
-                n_bytes += len(chunk)
-                target.write(chunk)
+            found = _copied(source, target, one.n_bytes)
     except (zipfile.BadZipFile, zlib.error):  # a bit has tipped: the sum of the ZIP file itself is another
-        n_bytes = -1
-    if n_bytes != one.n_bytes or seen.hexdigest() != one.sha256:
+        found = -1, ""
+    if found != (one.n_bytes, one.sha256):
         raise RecordingError(
             f"{bundle.name}: {one.path} is not as it was written: another length or SHA-256",
             "nothing was unpacked; ask for the bundle again",

@@ -65,7 +65,7 @@ _MOST_SPREAD = 1e3
 
 
 class _Data(NamedTuple):
-    """One metric of one object: by person the values under both conditions, only people who have both."""
+    """One metric of one object: by person the values under both conditions."""
 
     metric: str
     object: str
@@ -124,49 +124,32 @@ def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str
 
 def _tests(data: _Data, *, crossed: bool) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
-    counted = data.metric != "duration_s"
-    common = data.common
+    counted, n, common = data.metric != "duration_s", (len(x), len(y)), data.common
     ranks, moved = mann_whitney(x, y), shift(x, y)
     reach = f"{moved.low:g} to {moved.high:g}" if math.isfinite(moved.low) else "interval not estimable"
     note = f"A = {ranks.a:.3f}; median difference {moved.estimate:g} ({reach})"
-    if ranks.method == "asymptotic" and len(set(x + y)) == 1:
+    rough = ranks.method == "asymptotic"
+    if rough and len(set(x + y)) == 1:
         note += "; all values are equal"
-    tests = [
-        Test(
-            **common,
-            level="as printed",
-            test=f"Mann-Whitney U, {ranks.method}"
-            + (" (ties, continuity)" if ranks.method == "asymptotic" else ""),
-            n=(len(x), len(y)),
-            statistic=ranks.u,
-            p=ranks.p,
-            p_exact=ranks.p_conditional,
-            effect_name="rank-biserial",
-            effect=ranks.rank_biserial,
-            low=ranks.low,
-            high=ranks.high,
-            note=note,
-        )
-    ]
+    name = f"Mann-Whitney U, {ranks.method}" + " (ties, continuity)" * rough
+    effect = "rank-biserial", ranks.rank_biserial, ranks.low, ranks.high
+    shown: dict[str, Any] = {"statistic": ranks.u, "p": ranks.p, "p_exact": ranks.p_conditional}
+    tests = [_row(common, "as printed", name, n, effect, note=note, **shown)]
     if counted and sum(x) + sum(y) > 0 and len(x) == len(y):
-        p, ratio, low, high = poisson_rates(int(sum(x)), int(sum(y)))
+        p, *ratio = poisson_rates(int(sum(x)), int(sum(y)))
         text = f"totals {sum(x):g} and {sum(y):g}; too sure where variance over mean is above 1"
-        found = _row(
-            common, "these trials", "conditional Poisson", x, y, p=p, ratio=(ratio, low, high), note=text
-        )
-        tests.append(found)
+        tests.append(_row(common, "these trials", "conditional Poisson", n, _ratio(ratio), p=p, note=text))
     both = data.both
-    common["people"] = len(both)
     if not both:
         return tests
-    firsts, seconds = ([side[person] for person in both] for side in (data.first, data.second))
-    x, y = _joined(firsts), _joined(seconds)
-    scaled = [[_scale(values, counted) for values in side] for side in (firsts, seconds)]
-    p = within_person(list(zip(*scaled, strict=True)))
+    common["people"] = len(both)
+    sides = [[side[person] for person in both] for side in (data.first, data.second)]
+    n = len(_joined(sides[0])), len(_joined(sides[1]))
+    p = within_person(list(zip(*([_scale(one, counted) for one in side] for side in sides), strict=True)))
     text = "these people's trials only; takes trials of a person as exchangeable"
-    tests.append(_row(common, "these trials", "exchange within person", x, y, p=p, note=text))
+    tests.append(_row(common, "these trials", "exchange within person", n, p=p, note=text))
     if len(both) >= 2:
-        tests += _by_people(data, common, firsts, seconds, crossed=crossed)
+        tests += _by_people(data, common, n, crossed=crossed)
     return tests
 
 
@@ -184,29 +167,20 @@ def people_p(first: ArrayLike, second: ArrayLike, *, counted: bool) -> float | N
     return found and found.p
 
 
-def _by_people(
-    data: _Data,
-    common: dict[str, Any],
-    firsts: list[list[float]],
-    seconds: list[list[float]],
-    *,
-    crossed: bool,
-) -> list[Test]:
+def _by_people(data: _Data, common: dict[str, Any], n: tuple[int, int], *, crossed: bool) -> list[Test]:
     counted, both = data.metric != "duration_s", data.both
-    x, y = _joined(firsts), _joined(seconds)
     enough = len(both) >= SMALLEST_FOR_P
     first, second = (
-        [float(np.mean(_scale(values, counted))) for values in side] for side in (firsts, seconds)
+        [float(np.mean(_scale(side[person], counted))) for person in both]
+        for side in (data.first, data.second)
     )
     found = ratio_of_means(first, second) if counted else paired_log_ratio(first, second)
-    name = "sign-flip; ratio of means" if counted else "paired t of mean log time"
     few = "" if enough else f"no p below {SMALLEST_FOR_P} people"
     if found is None:
         few += "; " * bool(few) + "no ratio: a condition without events, or people all alike"
-    p = people_p(first, second, counted=counted)
-    ratio = None if found is None else (found.ratio, found.low, found.high)
-    statistic = None if found is None else found.t
-    tests = [_row(common, "people", name, x, y, p=p, ratio=ratio, statistic=statistic, note=few)]
+    name = "sign-flip; ratio of means" if counted else "paired t of mean log time"
+    p, statistic = people_p(first, second, counted=counted), None if found is None else found.t
+    tests = [_row(common, "people", name, n, _ratio(found), p=p, statistic=statistic, note=few)]
     where = [(person, side) for side in (True, False) for person in both]
     values = [data.first[person] if side else data.second[person] for person, side in where]
     adjusted = adjusted_ratio(
@@ -219,76 +193,65 @@ def _by_people(
     if adjusted is not None:
         name = f"GEE, {'Poisson' if counted else 'log-normal'}, log of place in session"
         text = "sensitivity: learning taken out" + ("; " + few if few else "")
-        p, ratio = adjusted.p if enough else None, adjusted[:3]
-        tests.append(_row(common, "adjusted", name, x, y, p=p, ratio=ratio, statistic=adjusted.t, note=text))
-    if crossed and (
-        order := cross_over(first, second, [data.began_first.get(person, False) for person in both])
-    ):
+        p, statistic = adjusted.p if enough else None, adjusted.t
+        row = _row(common, "adjusted", name, n, _ratio(adjusted), p=p, statistic=statistic, note=text)
+        tests.append(row)
+    began = [data.began_first.get(person, False) for person in both]
+    if crossed and (order := cross_over(first, second, began)):
         text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
-        row = _row(common, "cross-over", "Hills-Armitage", x, y, p=order.p, statistic=order.t, note=text)
-        name = "difference" if counted else "difference of logs"
-        tests.append(msgspec.structs.replace(row, effect_name=name, effect=order.effect))
+        effect = "difference" if counted else "difference of logs", order.effect, None, None
+        shown: dict[str, Any] = {"p": order.p, "statistic": order.t, "note": text}
+        tests.append(_row(common, "cross-over", "Hills-Armitage", n, effect, **shown))
     return tests
 
 
 def _success(data: _Data) -> list[Test]:
     x, y = (_joined(side.values()) for side in (data.first, data.second))
-    found = shares(int(sum(x)), len(x), int(sum(y)), len(y))
-    common = data.common
-    tests = [
-        Test(
-            **common,
-            level="as printed",
-            test="Fisher exact",
-            n=(len(x), len(y)),
-            p=found.fisher,
-            p_exact=found.boschloo,
-            effect_name="difference",
-            effect=found.difference,
-            low=found.low,
-            high=found.high,
-            note=f"Boschloo p = {found.boschloo:.3g}",
-        )
-    ]
+    found, n = shares(int(sum(x)), len(x), int(sum(y)), len(y)), (len(x), len(y))
+    effect = "difference", found.difference, found.low, found.high
+    shown: dict[str, Any] = {"p": found.fisher, "p_exact": found.boschloo}
+    note = f"Boschloo p = {found.boschloo:.3g}"
+    tests = [_row(data.common, "as printed", "Fisher exact", n, effect, note=note, **shown)]
     first, second = ([float(np.mean(side[one])) for one in data.both] for side in (data.first, data.second))
     if (p := people_p(first, second, counted=True)) is not None:
-        common["people"] = len(data.both)
-        row = _row(common, "people", "sign-flip of shares", x, y, p=p)
-        off = float(np.mean(np.subtract(first, second)))
-        tests.append(msgspec.structs.replace(row, effect_name="difference", effect=off))
+        common = {**data.common, "people": len(data.both)}
+        off = "difference", float(np.mean(np.subtract(first, second))), None, None
+        tests.append(_row(common, "people", "sign-flip of shares", n, off, p=p))
     return tests
+
+
+_Effect = tuple[str, float | None, float | None, float | None]
+"""What it is, its value, and both ends of its interval."""
+_NONE: _Effect = ("", None, None, None)
+
+
+def _ratio(found: Sequence[float] | None) -> _Effect:
+    if found is None:
+        return _NONE
+    ratio, low, high, *_ = found
+    if high > _MOST_SPREAD * low and (low == 0) == math.isinf(high):
+        # Two people who differ leave one degree of freedom: the numbers would look like knowledge.
+        return "ratio", ratio, None, None
+    return "ratio", ratio, low, high
 
 
 def _row(
     common: dict[str, Any],
     level: Level,
     test: str,
-    x: Sequence[float],
-    y: Sequence[float],
+    n: tuple[int, int],
+    effect: _Effect = _NONE,
     *,
-    p: float | None,
-    ratio: Sequence[float] | None = None,
-    statistic: float | None = None,
     note: str = "",
+    **numbers: float | None,
 ) -> Test:
-    effect, low, high = ratio or (None, None, None)
-    if low is not None and high is not None and high > _MOST_SPREAD * low and (low == 0) == math.isinf(high):
-        # Two people who differ leave one degree of freedom: the numbers would look like knowledge.
-        low = high = None
+    name, value, low, high = effect
+    if name == "ratio" and low is None:
         note = f"{note}; " * bool(note) + "its interval is not estimable from so few"
-    return Test(
-        **common,
-        level=level,
-        test=test,
-        n=(len(x), len(y)),
-        statistic=statistic,
-        p=p,
-        effect_name="ratio" if ratio else "",
-        effect=effect,
-        low=low,
-        high=None if high is None or math.isinf(high) else high,
-        note=note,
-    )
+    if high is not None and math.isinf(high):
+        high = None
+    ends: dict[str, Any] = {"effect_name": name, "effect": value, "low": low, "high": high}
+    return Test(**common, level=level, test=test, n=n, note=note, **ends, **numbers)
 
 
 def _corrected(tests: list[Test], family: Sequence[str]) -> list[Test]:

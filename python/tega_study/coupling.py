@@ -10,7 +10,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,10 +47,8 @@ class TouchCourse(NamedTuple):
 class Correlation(NamedTuple):
     """A Pearson correlation of two series that go on from one sample to the next.
 
-    Attributes:
-        r: NaN where a series does not change.
-        n_eff: Independent samples that they are worth (Bartlett).
-        low: Lower end of the 95 % interval by Fisher's z with ``n_eff``; NaN below four.
+    ``r`` is NaN where a series does not change. ``n_eff`` is how many independent samples they are worth
+    (Bartlett); ``low`` to ``high`` the 95 % interval by Fisher's z with these, NaN below four.
     """
 
     r: float
@@ -174,14 +172,19 @@ def response_slope(pose: NDArray[np.float64], touch: NDArray[np.float64]) -> flo
     return float(off @ change / (off @ off))
 
 
-def fisher_mean(rs: Sequence[float]) -> float:
+def fisher_z(r: float) -> float:
+    """Return Fisher's z of a correlation, finite for any."""
+    return math.atanh(min(max(r, -0.999999), 0.999999))
+
+
+def fisher_mean(rs: Iterable[float]) -> float:
     """Average correlations by Fisher's z; those that are not defined are left out.
 
     Example:
         >>> round(fisher_mean([0.9, 0.8, 0.7]), 9)
         0.816439329
     """
-    zs = [math.atanh(min(max(r, -0.999999), 0.999999)) for r in rs if not math.isnan(r)]
+    zs = [fisher_z(r) for r in rs if not math.isnan(r)]
     return math.tanh(sum(zs) / len(zs)) if zs else math.nan
 
 

@@ -1,8 +1,7 @@
 """Find lift-off and slip in the signals of a study's trials: the detector as one more account.
 
-The detector uses only recordings of the fingertips, the hand and the arm, not statements of a person or the
-simulation. Its events are stored beside the session's in ``detected.jsonl``, with their confidence, and are compared
-like a rater's. They never replace a rater's events.
+It uses recordings of the fingertips, the hand and the arm alone. Its events are stored beside the session's in
+``detected.jsonl``, with their confidence, and are compared like a rater's. They never replace a rater's events.
 """
 
 from __future__ import annotations
@@ -118,7 +117,11 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
             done = msgspec.structs.replace(done, events=events)
             rows.append((start, end, done))
         if rows:
-            _write(detected_path(folder, person), plan.settings.plan_sha256, rows)
+            with replaced_journal(detected_path(folder, person)) as journal:
+                signed = plan.settings.plan_sha256
+                journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
+                for start, end, done in rows:
+                    journal.add_attempt((start, end), DETECTOR, _fields(start, end, done))
         found += [done for _start, _end, done in rows]
     if not found:
         raise RecordingError(
@@ -128,18 +131,16 @@ def detect_study(folder: Path, participants: Sequence[str] = (), *, live: bool =
     return found
 
 
-def _write(path: Path, signed: str, rows: Sequence[tuple[JournalEvent, JournalEvent, TrialEvents]]) -> None:
-    """Write a session's events, whole or not at all."""
-    with replaced_journal(path) as journal:
-        journal.add("session_start", t_ns=rows[0][0].t_ns, source=DETECTOR, text=signed)
-        for start, end, done in rows:
-            events: list[dict[str, Any]] = [
-                {"kind": e.kind, "t_ns": start.t_ns + round(e.t_s * 1e9), "value": round(e.confidence, 3)}
-                for e in done.events
-                if e.kind in DETECTED
-            ]
-            notes = [
-                {"kind": "note", "t_ns": end.t_ns, "item": kind, "text": NOT_OBSERVABLE}
-                for kind in done.unobservable
-            ]
-            journal.add_attempt((start, end), DETECTOR, [*events, *notes])
+def _fields(start: JournalEvent, end: JournalEvent, done: TrialEvents) -> list[dict[str, Any]]:
+    """Return the fields of an attempt's events, and a note for each kind that cannot be observed."""
+    return [
+        *(
+            {"kind": e.kind, "t_ns": start.t_ns + round(e.t_s * 1e9), "value": round(e.confidence, 3)}
+            for e in done.events
+            if e.kind in DETECTED
+        ),
+        *(
+            {"kind": "note", "t_ns": end.t_ns, "item": kind, "text": NOT_OBSERVABLE}
+            for kind in done.unobservable
+        ),
+    ]

@@ -49,13 +49,10 @@ METRICS = ("duration_s", "slips", "deformations", "success")
 
 
 class OutcomeDifference(msgspec.Struct, frozen=True, kw_only=True):
-    """One metric of one object under both conditions; people are the unit.
+    """One metric of one object, means of the means of people who have both conditions; successes as a share.
 
-    Attributes:
-        people: With both conditions.
-        first: Mean of people's means under the first condition; successes as a share.
-        difference: First less second.
-        low: Lower end of its 95 % interval over people, by t; ``None`` where people are one, or all alike.
+    ``low`` to ``high`` is the 95 % interval of ``difference``, first less second, over people, by t; ``None``
+    where people are one, or all alike.
     """
 
     metric: str
@@ -167,12 +164,11 @@ def _value(text: str) -> float:
 
 
 class Cell(msgspec.Struct, frozen=True, kw_only=True):
-    """One object under one condition: what Table I prints, and from which trials.
+    """One object under one condition: what Table I prints, and from which trials (ids).
 
     Means and standard deviations are over trials, the latter ``None`` below two.
 
     Attributes:
-        trials: Ids of the trials, which name their events.
         duration_success_s: Mean over the trials that succeeded: a dropped object ends a trial early.
         slips_dispersion: Variance over mean of the slips; 1 for Poisson.
         success_low: Lower end of the exact 95 % interval of the share.
@@ -203,6 +199,7 @@ def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequen
         mine = [t for t in trials if t.counts and (t.object, t.condition) == (name, condition)]
         timed = [(t.duration_s, t.success) for t in mine if t.duration_s is not None]
         durations, slips = [t_s for t_s, _ in timed], [t.slips for t in mine]
+        deformed = [t.deformations for t in mine]
         n_good = sum(t.success for t in mine)
         low, high = clopper_pearson(n_good, len(mine)) if mine else (0.0, 1.0)
         cell = Cell(
@@ -216,8 +213,8 @@ def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequen
             slips=_mean(slips),
             slips_sd=_sd(slips),
             slips_dispersion=_finite(dispersion(slips)),
-            deformations=_mean([t.deformations for t in mine]),
-            deformations_sd=_sd([t.deformations for t in mine]),
+            deformations=_mean(deformed),
+            deformations_sd=_sd(deformed),
             drops=_mean([t.drops for t in mine]),
             successes=n_good,
             success_low=low,

@@ -6,7 +6,7 @@ from tega.runtime.features import Feature, Verb
 
 FEATURE = Feature(
     summary="User study: plan, lead, score and report.",
-    settings={"masking": "tega_study.masking_settings:MaskingSection"},
+    settings={"masking": "tega_study.masking_sound:MaskingSection"},
     verbs={
         "study": Verb("tega_study.cli:study", "Plan, lead, score and report a user study."),
         "scene measure": Verb(

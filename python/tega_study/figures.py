@@ -69,11 +69,12 @@ def figure_7(analysis: Analysis) -> Figure:
     metrics = (("duration_s", "completion time, s"), ("slips", "slips per trial"))
     for row, (metric, label) in enumerate(metrics):
         for column, name in enumerate(analysis.objects):
-            mine = [t for t in analysis.trials if t.counts and t.object == name]
-            known = [t for t in mine if getattr(t, metric) is not None]
+            mine = [
+                (t.condition, getattr(t, metric)) for t in analysis.trials if t.counts and t.object == name
+            ]
             values = [
-                [float(getattr(t, metric)) for t in known if t.condition == condition]
-                for condition in analysis.conditions
+                [float(value) for condition, value in mine if condition == one and value is not None]
+                for one in analysis.conditions
             ]
             ax = axes[row, column]
             _violins(ax, values, analysis.conditions)
@@ -121,8 +122,7 @@ def _spread(values: Sequence[float], place: float) -> list[float]:
 
 def _bracket(ax: Axes, values: Sequence[Sequence[float]], text: str) -> None:
     top = max((max(some) for some in values if some), default=1.0) or 1.0
-    high = ax.get_ylim()[1]
-    reach = max(high, top)
+    reach = max(ax.get_ylim()[1], top)
     y, tick = reach + 0.02 * reach, 0.02 * reach
     ax.plot([1, 1, 2, 2], [y, y + tick, y + tick, y], color="black", linewidth=0.8)
     ax.text(1.5, y + 1.3 * tick, text, ha="center", va="bottom", fontsize=8)
@@ -135,9 +135,9 @@ def figure_8_trials(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> d
     Trial IDs by object; empty if there are none.
     """
     condition = analysis.conditions[0]
-    for person in dict.fromkeys(t.participant for t in analysis.trials):
-        trials = [t for t in analysis.trials if t.counts and t.participant == person and t.id in courses]
-        mine = [t for t in trials if t.condition == condition]
+    able = [t for t in analysis.trials if t.counts and t.condition == condition and t.id in courses]
+    for person in dict.fromkeys(t.participant for t in able):
+        mine = [t for t in able if t.participant == person]
         chosen = {name: [t.id for t in mine if t.object == name][:FIG_8_ROWS] for name in analysis.objects}
         if all(chosen.values()):
             return chosen
@@ -163,8 +163,8 @@ def figure_8(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> Figure |
             (cci,) = ax.plot(course.t_s, course.cci, color=CCI_BLUE, linewidth=1.3, label="CCI")
             (eda,) = ax.plot(course.t_s, course.eda, color=EDA_GREEN, linewidth=1.9, label="EDA")
             right = ax.twinx()
-            pose_style: dict[str, Any] = {"color": POSE_RED, "linewidth": 1.3, "linestyle": "--"}
-            (pose,) = right.step(course.t_s, course.pose, where="post", label="pose", **pose_style)
+            style: dict[str, Any] = {"color": POSE_RED, "linewidth": 1.3, "linestyle": "--"}
+            (pose,) = right.step(course.t_s, course.pose, where="post", label="pose", **style)
             lines = [cci, eda, pose]
             ax.set_ylim(0, 1.02)
             right.set_ylim(0, 4.08)

@@ -47,10 +47,8 @@ class JournalEvent(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unkno
 
     Attributes:
         n: Its number in the file, from 1 without a gap.
-        t_ns: When, on the session's clock.
+        t_ns: On the session's clock.
         trial: 0 for events outside of trials.
-        attempt: From 1.
-        status: ``trial_end``: how it ended.
         success: ``trial_end``: as scored by rule. ``override``: as corrected by a person.
         undone: ``undo``: number of the event that does not count.
         source: ``auto``, or a rater's ID.

@@ -1,4 +1,4 @@
-"""Play a participant's sounds: pink noise that masks a vest's motors, and the beeps of a second task.
+"""Play a participant's sounds: pink noise that masks a vest's motors (table ``[masking]``), and beeps of a second task.
 
 Audible motors would let the participant identify the cue by ear.
 """
@@ -8,17 +8,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, Final
+from typing import Annotated, Any, Final
 
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import Opened, load_sounddevice
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from tega_study.masking_settings import MaskingSection
 
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""
@@ -35,6 +32,19 @@ BEEP_S: Final = 0.1
 BEEP_DBFS: Final = -30.0
 """Its level (RMS) at its height, or the noise's level where that is higher."""
 _BEEP_RAMP_S = 0.005
+
+
+class MaskingSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The sound that masks the vest's motors in a study: pink noise, the same in every condition.
+
+    Attributes:
+        level_dbfs: Its level (RMS), decibels below the sound card's full scale; none plays nothing. Begin
+            low: how loud that is depends on card and headphones.
+        output: Number or part of the name of the loudspeaker; empty for the system's own.
+    """
+
+    level_dbfs: Annotated[float, msgspec.Meta(ge=-80, le=-14)] | None = None
+    output: str = ""
 
 
 def pink_loop() -> NDArray[np.float32]:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import repeat
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from tega.errors import InvalidValueError, RecordingError
 from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
-from tega_scene.outcomes import SceneEvent, SceneOutcome, score_scene
+from tega_scene.outcomes import SceneOutcome, score_scene
 from tega_scene.pictures import read_pictures, times_path
 from tega_scene.record import own_film, own_recording
 from tega_scene.track import track_scene
@@ -39,10 +40,7 @@ CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop",
 
 
 class MeasuredTrial(msgspec.Struct, frozen=True):
-    """Measurement of one attempt by a camera.
-
-    ``outcome`` has times from the trial's start; ``None`` where it could not be measured: ``problem`` is why.
-    """
+    """One attempt by a camera, times from its start; ``problem`` is why there is no outcome."""
 
     participant: str
     trial: int
@@ -67,9 +65,8 @@ def measure_session(
 
     ``video`` is of the whole session, its time code on the session's clock; ``None`` for the frames that a
     ``camera`` of the settings (``None`` for the only one) recorded with each trial. ``lens`` and ``layout``
-    are those in the recordings if ``None``; ``layout`` is which tags are where. The object counts as deformed
-    from a narrowing of ``harm_m``. ``mark_m`` is the second mark of a task of two places, as of
-    :func:`tega_scene.outcomes.score_scene`.
+    are those in the recordings if ``None``. The object counts as deformed from a narrowing of ``harm_m``.
+    ``mark_m`` is the second mark of a task of two places.
 
     Raises:
         InvalidValueError: Unknown participant ID, or the mark is no place on the table.
@@ -81,17 +78,24 @@ def measure_session(
     mine = {trial.trial: trial for trial in plan.of(participant)}
     check_stays(folder, participant)
     ended = attempts(read_events(events_path(folder, participant)), with_data=True)
+    films: Iterable[_Film]
     if video is None:
         films = _own_films([recording_folder(folder, mine[s.trial], s.attempt) for s, _ in ended], camera)
-    else:
-        films = _one_film(video, [start.t_ns for start, _ in ended])
+    elif not times_path(video).exists():
+        raise RecordingError(
+            f"{video.name}: has no time code {times_path(video).name}, so nothing says where a trial is in it",
+            "record with tega-teleop scene record, and export",
+        )
+    else:  # it is decoded once, each trial goes on where one left off
+        begin_ns = min((start.t_ns for start, _ in ended), default=0)
+        films = repeat(_Film(read_pictures(video, begin_s=begin_ns / 1e9)), len(ended))
     found: list[tuple[JournalEvent, JournalEvent, MeasuredTrial]] = []
     for (start, end), film in zip(ended, films, strict=True):
         outcome, problem = None, film.problem
         seen_by, laid = lens or film.lens, layout or film.layout
-        if not problem and (seen_by is None or laid is None):
-            problem = "its recording has no lens and layout: name them, or set them in [[scene]]"
-        if not problem and seen_by is not None and laid is not None:
+        if seen_by is None or laid is None:
+            problem = problem or "its recording has no lens and layout: name them, or set them in [[scene]]"
+        elif not problem:
             try:
                 pictures = between(film.pictures, start.t_ns / 1e9, end.t_ns / 1e9)
                 track = track_scene(pictures, seen_by, laid)
@@ -117,17 +121,6 @@ class _Film(NamedTuple):
     lens: Lens | None = None
     layout: TagLayout | None = None
     problem: str = ""
-
-
-def _one_film(video: Path, starts_ns: Sequence[int]) -> Iterator[_Film]:
-    """Return the film of a whole session once for each trial: it is decoded once, each goes on where one left off."""
-    if not times_path(video).exists():
-        raise RecordingError(
-            f"{video.name}: has no time code {times_path(video).name}, so nothing says where a trial is in it",
-            "record with tega-teleop scene record, and export",
-        )
-    pictures = read_pictures(video, begin_s=min(starts_ns, default=0) / 1e9)
-    return (_Film(pictures) for _ in starts_ns)
 
 
 def _own_films(folders: Sequence[Path], camera: str | None) -> Iterator[_Film]:
@@ -160,20 +153,20 @@ def write_measured(
         journal.add("session_start", t_ns=found[0][0].t_ns, source=CAMERA, text=signed)
         for start, end, seen in found:
             if (outcome := seen.outcome) is not None:
-                events = [_measured_fields(event, start.t_ns) for event in outcome.events]
+                rows: list[dict[str, Any]] = []
+                for event in outcome.events:
+                    size_mm, error_mm = 1000 * event.size_m, 1000 * event.size_error_m
+                    size = f"{size_mm:.2f} ± {error_mm:.2f} mm, " if event.size_m else ""
+                    row = {
+                        "kind": "note" if event.kind == "put_down" else event.kind,
+                        "t_ns": start.t_ns + round(event.t_s * 1e9),
+                        "value": round(size_mm, 3) if event.size_m else None,
+                        "text": f"{event.kind}: {size}± {1000 * event.t_error_s:.0f} ms",
+                    }
+                    rows.append(row)
                 rest = () if outcome.rest is None else (outcome.rest.said(),)
-                notes = [{"kind": "note", "t_ns": end.t_ns, "text": text} for text in (*rest, *outcome.notes)]
-                journal.add_attempt((start, end), CAMERA, [*events, *notes], success=outcome.success)
-
-
-def _measured_fields(event: SceneEvent, start_ns: int) -> dict[str, Any]:
-    size = f"{1000 * event.size_m:.2f} ± {1000 * event.size_error_m:.2f} mm, " if event.size_m else ""
-    return {
-        "kind": "note" if event.kind == "put_down" else event.kind,
-        "t_ns": start_ns + round(event.t_s * 1e9),
-        "value": round(1000 * event.size_m, 3) if event.size_m else None,
-        "text": f"{event.kind}: {size}± {1000 * event.t_error_s:.0f} ms",
-    }
+                rows += [{"kind": "note", "t_ns": end.t_ns, "text": text} for text in (*rest, *outcome.notes)]
+                journal.add_attempt((start, end), CAMERA, rows, success=outcome.success)
 
 
 def confirm_trial(

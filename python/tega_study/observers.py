@@ -1,8 +1,7 @@
 """Read the accounts of a session beside its own events: the raters' files, and a scene camera's measurements.
 
-The camera's events are ``measured.jsonl`` beside the session's, found by rule, overwritten by each measurement. A
-rater confirms a trial or corrects it; that account is a rater's separate file, ``observers/camera+ID.jsonl``, and
-counts as a rater's does. The camera's account stays unchanged, so ``study score`` can compute how far both agree.
+The camera's events, ``measured.jsonl``, are overwritten by each measurement. A rater confirms or corrects a trial in a
+separate file, ``observers/camera+ID.jsonl``, which counts as a rater's does.
 """
 
 from __future__ import annotations
@@ -69,14 +68,3 @@ def measured_path(folder: Path, participant: str) -> Path:
 def read_measured(folder: Path, participant: str) -> list[JournalEvent]:
     """Read the camera's events of a session; none before ``scene measure``."""
     return read_events(measured_path(folder, participant))
-
-
-def camera_success(events: Sequence[JournalEvent], *, dropped: bool) -> bool:
-    """Return whether a trial succeeded by the camera's events, with the drops as a person has corrected them.
-
-    ``dropped``: whether a drop counts.
-    """
-    end = next(event for event in events if event.kind == "trial_end")
-    struck = not dropped and any(event.kind == "drop" for event in events)
-    # The camera's verdict without the drop: it writes "lifted" only for a lift in time.
-    return not dropped and (bool(end.success) or (struck and any(e.kind == "lifted" for e in events)))

@@ -17,10 +17,7 @@ _Item = TypeVar("_Item")
 
 
 class Slot(NamedTuple):
-    """A trial's place in a session.
-
-    Blocks count from 1: trials in a row with the same object and condition.
-    """
+    """A trial's place in a session; blocks, trials in a row of one object and condition, count from 1."""
 
     block: int
     object: str

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,7 +16,6 @@ from tega_study.difference import (
     PAPER_OBJECTS,
     PAPER_SETUP,
     PAPER_TABLE_1,
-    Cell,
     Direction,
     OutcomeDifference,
 )
@@ -51,35 +50,41 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
     """Return the page; ``MissingExtraError`` without Jinja2."""
     sizes = sorted({(row.people, row.trials) for row in analysis.sensitivity})
     n_people = max((cell.people for cell in analysis.cells), default=0)
-    return (
-        report_templates()
-        .get_template("report.html")
-        .render(
-            analysis=analysis,
-            figures=figures,
-            labels=PAPER_LABELS,
-            short=_SHORT,
-            marks=_MARKS,
-            smallest=_SMALLEST,
-            units=_UNITS,
-            paper_objects=PAPER_OBJECTS,
-            paper_setup=PAPER_SETUP,
-            paper_values=_paper_values(analysis),
-            most_people=n_people,
-            least_for_p=SMALLEST_FOR_P,
-            most_planned=MOST_PEOPLE,
-            hopeless=too_few(analysis.family, people=n_people, alpha=analysis.alpha),
-            fewest=_FEWEST,
-            cells={(cell.object, cell.condition): cell for cell in analysis.cells},
-            trials={trial.id: trial for trial in analysis.trials},
-            family=list(_family(analysis)),
-            counted_by=[
-                f"{who} in {n} {'trial' if n == 1 else 'trials'}" for who, n in analysis.counted_by.items()
-            ],
-            sizes="; ".join(f"{people} people, {trials} trials" for people, trials in sizes),
-            ranges=_ranges(analysis.sensitivity),
-            questions={q.item: f"{q.title}: 0 {q.left}, 100 {q.right}" for q in QUESTIONS},
-        )
+    of = {(test.metric, test.object, test.level): test for test in reversed(analysis.tests)}
+    family = [(metric, thing) for metric, _, thing in (test.partition(":") for test in analysis.family)]
+    paper_values = {
+        (condition, metric, name): text
+        for condition, metrics in PAPER_TABLE_1.items()
+        for metric, texts in metrics.items()
+        for name, text in zip(PAPER_OBJECTS, texts, strict=True)
+        if condition in analysis.conditions and name in analysis.objects
+    }
+    page = report_templates().get_template("report.html")
+    return page.render(
+        analysis=analysis,
+        figures=figures,
+        labels=PAPER_LABELS,
+        short=_SHORT,
+        marks=_MARKS,
+        smallest=_SMALLEST,
+        units=_UNITS,
+        paper_objects=PAPER_OBJECTS,
+        paper_setup=PAPER_SETUP,
+        paper_values=paper_values,
+        most_people=n_people,
+        least_for_p=SMALLEST_FOR_P,
+        most_planned=MOST_PEOPLE,
+        hopeless=too_few(analysis.family, people=n_people, alpha=analysis.alpha),
+        fewest=_FEWEST,
+        cells={(cell.object, cell.condition): cell for cell in analysis.cells},
+        trials={trial.id: trial for trial in analysis.trials},
+        family=[(*one, of.get((*one, "as printed")), of.get((*one, "people"))) for one in family],
+        counted_by=[
+            f"{who} in {n} {'trial' if n == 1 else 'trials'}" for who, n in analysis.counted_by.items()
+        ],
+        sizes="; ".join(f"{people} people, {trials} trials" for people, trials in sizes),
+        ranges=_ranges(analysis.sensitivity),
+        questions={q.item: f"{q.title}: 0 {q.left}, 100 {q.right}" for q in QUESTIONS},
     )
 
 
@@ -100,7 +105,10 @@ def report_templates() -> Environment:
         "amounts": lambda one: f"{_amount(one, one.first)} / {_amount(one, one.second)}",
         "as_printed": _as_printed,
         "base64": lambda drawing: base64.b64encode(drawing.encode()).decode(),
-        "difference": _difference,
+        "difference": lambda one: (
+            _outcome(one)
+            + "\N{NO-BREAK SPACE}points" * (one.metric == "success" and one.difference is not None)
+        ),
         "effect": _effect,
         "interval": interval,
         "number": number,
@@ -114,7 +122,11 @@ def report_templates() -> Environment:
             cell, f"{metric.removesuffix('_s')}_sd{'_s' * metric.endswith('_s')}"
         ),
         "share": lambda value: "–" if value is None else f"{100 * value:.0f}\N{NO-BREAK SPACE}%",
-        "value_of": _value_of,
+        "value_of": lambda cell, metric: (
+            f"{cell.successes}/{len(cell.trials)}"
+            if metric == "success"
+            else number(getattr(cell, metric), 1)
+        ),
     }
     return made
 
@@ -153,41 +165,10 @@ def _outcome(one: OutcomeDifference) -> str:
     return f"{value} ({low} to {high})"
 
 
-def _value_of(cell: Cell, metric: str) -> str:
-    if metric == "success":
-        return f"{cell.successes}/{len(cell.trials)}"
-    return number(getattr(cell, metric), 1)
-
-
-def _paper_values(analysis: Analysis) -> dict[tuple[str, str, str], str]:
-    """Return the paper's values for the study's conditions and objects, by condition, metric and object."""
-    return {
-        (condition, metric, name): text
-        for condition, metrics in PAPER_TABLE_1.items()
-        for metric, texts in metrics.items()
-        for name, text in zip(PAPER_OBJECTS, texts, strict=True)
-        if condition in analysis.conditions and name in analysis.objects
-    }
-
-
-def _family(analysis: Analysis) -> Iterator[tuple[str, str, Test | None, Test | None]]:
-    """Return the family's tests: metric, object, the row as printed and that over people."""
-    of = {(test.metric, test.object, test.level): test for test in reversed(analysis.tests)}
-    for name in analysis.family:
-        metric, _, thing = name.partition(":")
-        yield metric, thing, of.get((metric, thing, "as printed")), of.get((metric, thing, "people"))
-
-
 def _amount(one: Direction, value: float | None) -> str:
     if value is None:
         return "–"
     return f"{100 * value:.0f}\N{NO-BREAK SPACE}%" if one.metric == "success" else number(value)
-
-
-def _difference(one: Direction) -> str:
-    if one.difference is None:
-        return "–"
-    return _outcome(one) + ("\N{NO-BREAK SPACE}points" if one.metric == "success" else "")
 
 
 def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:

@@ -25,13 +25,7 @@ _EPS = 1e-9
 
 
 class Ratio(NamedTuple):
-    """Ratio of the haptic to the reference condition, with interval and test.
-
-    Attributes:
-        ratio: Below 1 where the first condition has less.
-        low: Lower end of the 95 % interval.
-        p: Two-sided.
-    """
+    """Ratio of the first condition to the second with its 95 % interval, t and two-sided p."""
 
     ratio: float
     low: float
@@ -43,8 +37,8 @@ class Ratio(NamedTuple):
 class CrossOver(NamedTuple):
     """A comparison with the order of conditions taken out (Hills and Armitage 1979).
 
-    ``effect`` is the first condition less the second, ``period`` likewise; ``t`` and two-sided ``p`` are of
-    the effect.
+    ``effect`` is the first condition less the second, ``period`` likewise; ``t`` and two-sided ``p`` are the
+    effect's.
     """
 
     effect: float
@@ -62,8 +56,7 @@ def sign_flip(differences: ArrayLike) -> float:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
         0.03125
     """
-    rounded = np.round(np.asarray(differences, dtype=np.float64), 9)
-    values: NDArray[np.float64] = np.asarray(rounded, np.float64)
+    values: NDArray[np.float64] = np.round(np.asarray(differences, dtype=np.float64), 9)
     seen = abs(values.sum()) - _EPS
     if seen <= 0:
         return 1.0
@@ -88,10 +81,9 @@ def _all_signs(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def ratio_of_means(first: ArrayLike, second: ArrayLike) -> Ratio | None:
     """Compare counts as a ratio of means, people as clusters.
 
-    In a balanced design this is what Poisson GEE with any working correlation gives, in closed form: the
-    standard error is the bias-reduced one (robust times n / (n - 1)), and t with n - 1 degrees of freedom
-    replaces its z, which rejects a true null four times too often with six people. ``None`` where a condition
-    has no event at all, there are fewer than two people, or everybody is the same.
+    In a balanced design this is what Poisson GEE gives, in closed form, with the bias-reduced standard error
+    (robust times n / (n - 1)); t with n - 1 degrees of freedom replaces its z, which rejects a true null four
+    times too often with six people. ``None`` where a condition has no event, or everybody is the same.
     """
     a, b = np.asarray(first, dtype=np.float64), np.asarray(second, dtype=np.float64)
     n = len(a)
@@ -103,12 +95,10 @@ def ratio_of_means(first: ArrayLike, second: ArrayLike) -> Ratio | None:
 
 
 def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
-    """Compare each person's mean logarithm: a paired t, given as a ratio.
+    """Compare each person's mean logarithm under both conditions: a paired t, given as a ratio.
 
-    With people who differ in their effect, a mixed model with a random intercept rejects a true null in a
-    quarter of all studies of this size, and one with a random slope does not converge; this keeps its level,
-    and has the same estimate where the design is balanced. The arguments hold each person's mean logarithm
-    under a condition.
+    A mixed model with a random intercept rejects a true null in a quarter of all studies of this size, and one
+    with a random slope does not converge; this keeps its level, with the same estimate in a balanced design.
     """
     off = np.asarray(first, dtype=np.float64) - np.asarray(second, dtype=np.float64)
     if len(off) < 2:
@@ -136,9 +126,9 @@ def _t_reach(df: int) -> float:
 def within_person(groups: Sequence[tuple[ArrayLike, ArrayLike]]) -> float:
     """Return the two-sided p over all exchanges of conditions among each person's own trials.
 
-    It is about these people's trials, not about other people, and takes trials as exchangeable: learning and
-    tiring are not allowed for. Exact for whole numbers, else 19,999 random exchanges and the one that is
-    there. ``groups`` has, for each person, the values under the first and under the second condition.
+    It is not about other people, and takes trials as exchangeable: learning and tiring are not allowed for.
+    Exact for whole numbers, else 19,999 random exchanges and the one that is there. ``groups`` has each
+    person's values under the first and under the second condition.
     """
     pooled = [np.concatenate([np.asarray(a, float), np.asarray(b, float)]) for a, b in groups]
     sizes = [np.size(a) for a, _ in groups]
@@ -180,11 +170,8 @@ def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike)
 class Shares(NamedTuple):
     """Two success rates compared; all of it treats trials as independent.
 
-    Attributes:
-        fisher: Two-sided p of Fisher's exact test.
-        boschloo: p of Boschloo's test, which is never less powerful.
-        difference: First share less the second.
-        low: Lower end of Newcombe's 95 % interval of it; ``high`` the upper.
+    Two-sided p of Fisher's exact test and of Boschloo's, which is never less powerful; the first share less
+    the second, with Newcombe's 95 % interval.
     """
 
     fisher: float
@@ -248,15 +235,13 @@ def adjusted_ratio(
     """Compare conditions by regression, with what drifts over the session taken out.
 
     Generalised estimating equations (statsmodels), people as clusters, exchangeable trials within them;
-    Poisson for counts, a normal law for logarithms of times. Chosen because statsmodels has no frequentist
-    mixed model for counts, a mixed model for times either does not converge (random slopes, up to 12 people)
-    or rejects too often (random intercept only), and an estimating equation needs only the mean to be right:
-    overdispersion, as of a negative binomial, goes into the standard error. That is the bias-reduced one,
-    with t on n - 1 degrees of freedom.
+    Poisson for counts, a normal law for logarithms of times. They need only the mean to be right:
+    overdispersion goes into the standard error, the bias-reduced one, with t on n - 1 degrees of freedom.
+    statsmodels has no frequentist mixed model for counts.
 
-    Arrays are by trial. ``values`` are counts, or times in seconds; ``haptic`` marks the first condition.
-    ``place`` is the trial's place in the session; its logarithm is the covariate, since learning is fast at
-    first. ``None`` with fewer than three people, where a condition has no event, or where nothing converged.
+    Arrays are by trial. ``values`` are counts, or times in seconds; ``haptic`` marks the first condition. The
+    logarithm of ``place`` in the session is the covariate, since learning is fast at first. ``None`` with
+    fewer than three people, where a condition has no event, or where nothing converged.
     """
     y, first = np.asarray(values, float), np.asarray(haptic, bool)
     ids, cluster = np.unique(np.asarray(person), return_inverse=True)

@@ -38,8 +38,6 @@ CODED = ("slip", "deformation", "drop", "lift_off")
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
 
-ScoredBy = Literal["session", "camera"]
-
 FORMAT, VERSION = "tega-study", 1
 
 _Name = Annotated[str, msgspec.Meta(pattern=r"^[A-Za-z0-9][A-Za-z0-9_+-]*$", max_length=40)]
@@ -49,8 +47,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """Decisions about a study, kept in ``study.toml``.
 
     Attributes:
-        participants: How many are planned; a look at p-values before all are there costs the tests their
-            level.
+        participants: How many are planned; a look at p-values before all are there costs the tests their level.
         conditions: Vest conditions; the first two are compared, the second is the reference.
         trials: Per person, object and condition.
         rest_s: Between two trials (the paper's minute).
@@ -81,7 +78,7 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     family: tuple[str, ...]
     probe: bool = False
     stable: StableReading = "begun"
-    scored_by: ScoredBy = "session"
+    scored_by: Literal["session", "camera"] = "session"
     seed: Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)] | None = None
     simulated: bool = False
     plan_sha256: str = ""
@@ -89,12 +86,9 @@ class StudySettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 
 
 class PlannedTrial(msgspec.Struct, frozen=True):
-    """A row of ``plan.csv``.
+    """A row of ``plan.csv``; ``trial`` and ``block`` count within the person, ``rest_s`` is before it.
 
-    Attributes:
-        trial: Number within the person, from 1; so is ``block``.
-        repeat: Number among those of the same object and condition, from 1.
-        rest_s: Before it.
+    ``repeat`` counts the trials of the same object and condition.
     """
 
     participant: str
@@ -224,26 +218,19 @@ def _signed(settings: StudySettings, rows: Sequence[PlannedTrial]) -> StudySetti
 
 
 def _plan_csv(rows: Sequence[PlannedTrial]) -> bytes:
-    lines = [",".join(PlannedTrial.__struct_fields__)]
-    for row in rows:
-        values = msgspec.structs.astuple(row)
-        lines.append(",".join(f"{value:g}" if isinstance(value, float) else str(value) for value in values))
-    return ("\n".join(lines) + "\n").encode()
-
-
-def _toml(settings: StudySettings) -> str:
-    fields = msgspec.to_builtins(settings)
-    later = {"probe": False, "behaviours": (), "stable": "begun", "scored_by": "session"}
-    for name, default in later.items():
-        if fields[name] == default:  # then an earlier version reads the plan too
-            del fields[name]
-    return tree_text({"format": FORMAT, "version": VERSION, **fields})
+    values = [PlannedTrial.__struct_fields__, *(msgspec.structs.astuple(row) for row in rows)]
+    lines = (",".join(f"{v:g}" if isinstance(v, float) else str(v) for v in row) for row in values)
+    return "".join(f"{line}\n" for line in lines).encode()
 
 
 def write_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
     """Write a plan into a new folder, whole or not at all; its trials are signed again."""
-    settings = _signed(plan.settings, plan.trials)
-    own = {"plan.csv": _plan_csv(plan.trials), "study.toml": _toml(settings).encode()}
+    fields = msgspec.to_builtins(_signed(plan.settings, plan.trials))
+    later = {"probe": False, "behaviours": (), "stable": "begun", "scored_by": "session"}
+    # Without what has its default, an earlier version reads the plan too.
+    kept = {name: value for name, value in fields.items() if name not in later or value != later[name]}
+    toml = tree_text({"format": FORMAT, "version": VERSION, **kept})
+    own = {"plan.csv": _plan_csv(plan.trials), "study.toml": toml.encode()}
     with whole_folder(folder, "a plan is never overwritten; name a new folder") as beside:
         for name, content in {**files, **own}.items():
             write_whole(beside / name, content, sync=True)

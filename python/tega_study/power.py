@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache
+from functools import cache, partial
 from typing import NamedTuple
 
 import msgspec
@@ -26,12 +26,8 @@ from tega_study.rank import holm
 class EffectSpread(NamedTuple):
     """Assumed differences between people and between trials.
 
-    Attributes:
-        dispersion: Of the counts: variance = mean + dispersion * mean².
-        sd_level: Standard deviation of people's log level.
-        sd_effect: Standard deviation of people's log effect.
-        time_sd_effect: Standard deviation of people's log effect on the time.
-        time_sd: Standard deviation of the log times of one person's trials.
+    ``dispersion`` is of the counts: variance = mean + dispersion * mean². Standard deviations are of people's
+    log level, log effect and log effect on the time, and of the log times of one person's trials.
     """
 
     dispersion: float
@@ -68,7 +64,7 @@ class PlannedTest(NamedTuple):
 
 
 class Power(NamedTuple):
-    """Share of drawn studies in which a test is significant after the correction, ``people`` in each.
+    """Share of drawn studies with so many people in which a test is significant after the correction.
 
     ``error`` is two standard errors of the simulation, at most.
     """
@@ -115,13 +111,19 @@ def power_of(
     of the ``runs`` studies has 2 to 60 ``people``; ``trials`` are per person, object and condition. ``alpha``
     is two-sided.
     """
-    _check(family, people)
+    for test in family:
+        if not (0 <= test.mean < 1e4 and 0 <= test.reference < 1e4):
+            raise InvalidValueError(
+                f"means {test.mean} and {test.reference}: not between 0 and 10000", "give values per trial"
+            )
+    if not 2 <= people <= 60:
+        raise InvalidValueError(f"people = {people}: not 2 to 60", "use more trials or a larger effect")
     random = np.random.default_rng([seed, people, trials])
     drawn = [_draw(test, random, people=people, trials=trials, spread=spread, runs=runs) for test in family]
     found = 0
     for run in range(runs):
         tests = [
-            _p_of(test.metric, first[run], second[run])
+            cache(partial(people_p, first[run], second[run], counted=test.metric != "duration_s"))
             for test, (first, second) in zip(family, drawn, strict=True)
         ]
         found += _significant(tests, target, alpha)
@@ -163,16 +165,6 @@ def too_few(family: Sequence[str], *, people: int, alpha: float) -> Mapping[str,
     return {metric: n for metric, n in least.items() if n is None or n > people}
 
 
-def _check(family: Sequence[PlannedTest], people: int) -> None:
-    for test in family:
-        if not (0 <= test.mean < 1e4 and 0 <= test.reference < 1e4):
-            raise InvalidValueError(
-                f"means {test.mean} and {test.reference}: not between 0 and 10000", "give values per trial"
-            )
-    if not 2 <= people <= 60:
-        raise InvalidValueError(f"people = {people}: not 2 to 60", "use more trials or a larger effect")
-
-
 def _draw(
     test: PlannedTest,
     random: np.random.Generator,
@@ -203,10 +195,6 @@ def _sums(
     return random.poisson(means).astype(np.float64)
 
 
-def _p_of(metric: str, first: NDArray[np.float64], second: NDArray[np.float64]) -> Callable[[], float | None]:
-    return cache(lambda: people_p(first, second, counted=metric != "duration_s"))
-
-
 def _significant(tests: Sequence[Callable[[], float | None]], target: int, alpha: float) -> bool:
     """Return whether a test is below alpha after Holm's correction; the others are run only if it depends on them."""
     p = tests[target]()
@@ -223,13 +211,9 @@ _RUNS = 300
 class Planner(msgspec.Struct, frozen=True, kw_only=True):
     """Number of people a next study needs to find an effect on slips or deformations as large as this one's.
 
-    Attributes:
-        mean: Under the first condition; ``reference`` is under the second.
-        least: Fewest people with whom the test can be significant; ``None`` for more than are tried.
-        people: For 80 % power of the report's test over people, corrected over the plan's family; ``None``
-            for more than :data:`tega_study.power.MOST_PEOPLE`.
-        power_at_12: Power with twelve people, one full set of orders.
-        error: Two standard errors of that, at most.
+    ``mean`` is under the first condition, ``reference`` under the second. With the fewest (``least``) the test
+    can be significant, with ``people`` it has 80 % power; ``None`` above :data:`MOST_PEOPLE`. ``power_at_12``
+    is that of twelve people, one full set of orders, ``error`` two standard errors of it, at most.
     """
 
     metric: str
@@ -248,9 +232,7 @@ def next_study(
 ) -> tuple[Planner, ...]:
     """Return sample sizes for the next study, a row for each differing count of the family and each spread.
 
-    The next study is assumed to have the means of ``cells``. ``family`` holds ``metric:object``; of
-    ``conditions`` the first is compared with the second. ``trials`` are per person, object and condition;
-    ``alpha`` is two-sided.
+    The next study is assumed to have the means of ``cells``. ``trials`` are per person, object and condition.
     """
     of = {(cell.object, cell.condition): cell for cell in cells}
     tests = [_planned(test, of, conditions) for test in family]

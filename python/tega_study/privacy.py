@@ -43,12 +43,10 @@ ROLES = ("auto", "arm", CAMERA, "experimenter", "participant")
 
 
 class Withdrawal(NamedTuple):
-    """Files deleted, changed and left by a withdrawal.
+    """Files deleted, changed (BORIS projects) and left by a withdrawal.
 
-    Attributes:
-        changed: BORIS projects that the person's observations were taken out of.
-        left: Paths to check by hand: targets of links, files that the program made of the person elsewhere,
-            and other people's files that bear the person's ID.
+    Those left are to be checked by hand: targets of links, files that the program made of the person elsewhere,
+    and other people's files that bear the person's ID.
     """
 
     deleted: list[Path]
@@ -59,30 +57,17 @@ class Withdrawal(NamedTuple):
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
     """Record a file that the program made of a person outside of the study's folder, for a withdrawal to list."""
     path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
-    if path.is_relative_to(folder.absolute()) or str(path) in _noted(notes):
+    if path.is_relative_to(folder.absolute()) or (notes.is_file() and str(path) in lines_of(notes)):
         return
     notes.parent.mkdir(parents=True, exist_ok=True)
     with open_to_append(notes) as file:
         file.write(f"{path}\n".encode())
 
 
-def _noted(notes: Path) -> list[str]:
-    return lines_of(notes) if notes.is_file() else []
-
-
-def _copies_below(path: Path) -> list[Path]:
-    """Return the copies that are noted in a person's own folder, beside its recordings."""
-    found: list[Path] = []
-    for where, _folders, files in os.walk(path):  # which follows no links
-        if ELSEWHERE in files and not (Path(where) / ELSEWHERE).is_symlink():
-            found += _copies(Path(where) / ELSEWHERE, set())
-    return found
-
-
 def _copies(notes: Path, seen: set[Path]) -> list[Path]:
     """Return the copies that a list names and that are there, and the copies of those."""
     found: list[Path] = []
-    for line in _noted(notes):
+    for line in lines_of(notes) if notes.is_file() else ():
         copy = Path(line)
         if copy not in seen and os.path.lexists(copy):
             seen.add(copy)
@@ -105,24 +90,6 @@ def withdraw(folder: Path, participant: str) -> Withdrawal:
             file.write(f"\n{participant}\n".encode())
             file.flush()
             os.fsync(file.fileno())
-    return _delete(folder, participant)
-
-
-def own_name(participant: str) -> re.Pattern[str]:
-    """Return a pattern of the names of a person's files and folders, such as ``p03`` and ``p03-t07-a1``."""
-    return re.compile(rf"{re.escape(participant)}([-_.].*)?")
-
-
-def check_not_led(folder: Path, participant: str) -> None:
-    """Raise ``DeviceUnavailableError`` while a program has the events of the person or a rater open."""
-    own = [events_path(folder, participant)]
-    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
-    for path in (*own, *raters):
-        if path.exists() and not path.is_symlink():  # through a link nobody writes
-            Journal(path).close()
-
-
-def _delete(folder: Path, participant: str) -> Withdrawal:
     own = own_name(participant)
     mentioned = re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
     notes = events_path(folder, participant).parent / ELSEWHERE
@@ -133,7 +100,8 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
         for name in sorted([*folders, *files]):
             path = Path(where, name)
             if own.fullmatch(name):
-                left += _copies_below(path)
+                lists = (Path(one) / ELSEWHERE for one, _, beside in os.walk(path) if ELSEWHERE in beside)
+                left += [copy for one in lists if not one.is_symlink() for copy in _copies(one, set())]
                 left += [path.resolve()] if path.is_symlink() and path.exists() else []
                 deleted.append(path)
             elif path.is_symlink() and (path / participant).exists():
@@ -151,6 +119,20 @@ def _delete(folder: Path, participant: str) -> Withdrawal:
         else:
             path.unlink()
     return Withdrawal(deleted, changed, list(dict.fromkeys(left)))
+
+
+def own_name(participant: str) -> re.Pattern[str]:
+    """Return a pattern of the names of a person's files and folders, such as ``p03`` and ``p03-t07-a1``."""
+    return re.compile(rf"{re.escape(participant)}([-_.].*)?")
+
+
+def check_not_led(folder: Path, participant: str) -> None:
+    """Raise ``DeviceUnavailableError`` while a program has the events of the person or a rater open."""
+    own = [events_path(folder, participant)]
+    raters = [observer_path(folder, participant, rater) for rater in read_observers(folder, participant)]
+    for path in (*own, *raters):
+        if path.exists() and not path.is_symlink():  # through a link nobody writes
+            Journal(path).close()
 
 
 def forget_person(path: Path, participant: str) -> bool:

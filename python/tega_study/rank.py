@@ -26,14 +26,12 @@ class MannWhitney(NamedTuple):
     """A Mann-Whitney U test and its effect size.
 
     Attributes:
-        u: U of the first group: pairs in which it is larger, ties as halves.
-        p: Two-sided; by ``method``.
-        method: ``exact`` where no two values are equal, else ``asymptotic`` (corrected for ties and
+        u: U of the first group: pairs in which it is larger, ties as halves; ``a`` is their share (Vargha and
+            Delaney's A), ``rank_biserial`` ``2 a - 1`` with its 95 % interval.
+        p: Two-sided, ``exact`` where no two values are equal, else ``asymptotic`` (corrected for ties and
             continuity).
         p_asymptotic: In any case: SciPy's default from 9 against 9 on, which the paper's numbers fit.
         p_conditional: Exact given the ties; ``None`` for large groups. Equals ``p`` without ties.
-        a: Share of pairs in which the first group is larger, ties as halves (Vargha and Delaney's A).
-        rank_biserial: ``2 a - 1``; positive where the first group is larger.
     """
 
     u: float
@@ -48,11 +46,9 @@ class MannWhitney(NamedTuple):
 
 
 class Shift(NamedTuple):
-    """Shift of one group over the other: the median of all differences (Hodges and Lehmann).
+    """Shift of one group over the other, in the unit of the values: the median of all differences (Hodges and Lehmann).
 
-    Attributes:
-        estimate: In the unit of the values.
-        low: Lower end of its confidence interval; minus infinity where the groups are too small for one.
+    Its confidence interval is infinite where the groups are too small for one.
     """
 
     estimate: float
@@ -78,10 +74,8 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     rough = stats.mannwhitneyu(first, second, method="asymptotic")
     u, p_asymptotic = float(rough.statistic), float(rough.pvalue)
     conditional = _conditional(first, second) if n + m <= EXACT_UP_TO else None
-    if not ties:
-        p, method = (conditional, "exact") if conditional is not None else (p_asymptotic, "asymptotic")
-    else:
-        p, method = p_asymptotic, "asymptotic"
+    exact = conditional is not None and not ties
+    p, method = (conditional, "exact") if exact else (p_asymptotic, "asymptotic")
     a = u / (n * m)
     low, high = rank_biserial_interval(a, n, m)
     return MannWhitney(u, p, method, p_asymptotic, conditional, a, 2 * a - 1, low, high)

@@ -69,9 +69,9 @@ class Report(NamedTuple):
 def write_report(source: Path, out: Path | None = None, *, unblind: bool = False) -> Report:
     """Analyse a study's folder, or a file of the bench's results, and write the report.
 
-    ``out`` is the folder for ``report.html`` and ``report/``; the study's own where ``None``, for a file the
-    one it is in. A folder ``report`` that is no report is an ``InvalidValueError``. ``unblind`` compares
-    conditions before the plan is complete; this is written into the study's journal.
+    ``out`` is the folder for ``report.html`` and ``report/``, ``None`` for the study's own or that of the file.
+    A folder ``report`` that is no report is an ``InvalidValueError``. ``unblind`` compares conditions before
+    the plan is complete; this is written into the study's journal.
     """
     material = FigureMaterial()
     if source.is_dir():

@@ -33,7 +33,6 @@ class BeepScore(NamedTuple):
 
     Attributes:
         beeps: Those that count: answered, or followed by the whole time in which they could have been.
-        false_answers: Presses that answered no beep.
         reaction_s: Median from beep to press; ``None`` where none was answered.
     """
 

@@ -22,10 +22,8 @@ TrialStatus = Literal["planned", "running", "redo"] | Status
 class SessionState(msgspec.Struct, frozen=True):
     """State of a session's trials; ``status`` and ``attempts`` (how often each was begun) are by number.
 
-    Attributes:
-        running: Number and attempt of the trial that is going on, or was when everything stopped.
-        next: Number and attempt of the trial to do next; ``None`` when all are over.
-        n_over: How many trials need nothing more.
+    ``running`` and ``next`` (``None`` when all are over) are number and attempt of a trial: the one that is going
+    on, or was when everything stopped, and the one to do next. ``n_over`` trials need nothing more.
     """
 
     status: dict[int, TrialStatus]
@@ -125,7 +123,16 @@ def resume(
     """
     trials = plan.of(participant)
     check_stays(folder, participant)
-    check_where(plan, where)
+    if where != "lab" and not plan.settings.simulated:
+        raise InvalidValueError(
+            f"{where} sessions do not belong into a plan of people: they would pass for data",
+            "rehearse in a plan of its own: tega-teleop study plan --simulated --out REHEARSAL ...",
+        )
+    if where == "lab" and plan.settings.simulated:
+        raise InvalidValueError(
+            "this plan is for simulated and emulated sessions: people in it would pass for simulated",
+            "make a plan without --simulated",
+        )
     journal = Journal(events_path(folder, participant))
     try:
         signed = plan.settings.plan_sha256
@@ -141,20 +148,6 @@ def resume(
     except BaseException:
         journal.close()
         raise
-
-
-def check_where(plan: StudyPlan, where: Where) -> None:
-    """Refuse a rehearsal in a plan of people, and people in a plan of rehearsals, to keep the two apart."""
-    if where != "lab" and not plan.settings.simulated:
-        raise InvalidValueError(
-            f"{where} sessions do not belong into a plan of people: they would pass for data",
-            "rehearse in a plan of its own: tega-teleop study plan --simulated --out REHEARSAL ...",
-        )
-    if where == "lab" and plan.settings.simulated:
-        raise InvalidValueError(
-            "this plan is for simulated and emulated sessions: people in it would pass for simulated",
-            "make a plan without --simulated",
-        )
 
 
 def rehearsed(events: Sequence[JournalEvent]) -> bool:

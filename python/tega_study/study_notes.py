@@ -35,9 +35,7 @@ WITHDRAWN = "withdrawn.txt"
 def withdrawn_ids(folder: Path) -> set[str]:
     """Return the ids of those who have withdrawn; nothing is deleted by asking."""
     path = folder / WITHDRAWN
-    if not path.exists():
-        return set()
-    ids = {line for line in lines_of(path) if re.fullmatch(r"p\d+", line)}
+    ids = {line for line in lines_of(path) if re.fullmatch(r"p\d+", line)} if path.exists() else set()
     for person in sorted(ids):
         if os.path.lexists(events_path(folder, person).parent):
             said = "%s has withdrawn, but something of theirs is left: tega-teleop study withdraw %s %s"
@@ -69,10 +67,10 @@ JOURNAL = "journal.jsonl"
 """The study's own journal, beside its plan; sessions have theirs."""
 
 
-def note_unblinding(folder: Path, text: str) -> None:
-    """Write into the study's journal that its conditions are compared now."""
+def note_unblinding(folder: Path, text: str, t_ns: int | None = None) -> None:
+    """Write into the study's journal that its conditions are compared now, or at another time of day."""
     with Journal(folder / JOURNAL) as journal:
-        journal.add("unblind", t_ns=time.time_ns(), source="auto", text=text)
+        journal.add("unblind", t_ns=time.time_ns() if t_ns is None else t_ns, source="auto", text=text)
 
 
 def unblindings(folder: Path) -> tuple[str, ...]:
@@ -90,11 +88,9 @@ def unblindings(folder: Path) -> tuple[str, ...]:
 
 def copy_unblindings(folder: Path, out: Path) -> None:
     """Copy them into an anonymised copy of the study, without dates."""
-    texts = [event.text for event in read_events(folder / JOURNAL) if event.kind == "unblind"]
-    if texts:
-        with Journal(out / JOURNAL) as journal:
-            for text in texts:
-                journal.add("unblind", t_ns=0, source="auto", text=text)
+    for event in read_events(folder / JOURNAL):
+        if event.kind == "unblind":
+            note_unblinding(out, event.text, t_ns=0)
 
 
 OBJECTS: Final = "objects.toml"
@@ -108,10 +104,8 @@ _Amount = Annotated[float, msgspec.Meta(gt=0, le=100_000)]
 class ObjectFacts(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """Properties of an object; ``None`` for those not measured.
 
-    Attributes:
-        stiffness_n_per_mm: Force over indentation where it is grasped.
-        friction: Coefficient of static friction against the fingertips' gel.
-        photo: Below the study's folder, such as ``objects/bag.jpg``.
+    Stiffness is force over indentation where it is grasped, friction static against the fingertips' gel;
+    ``photo`` is below the study's folder, such as ``objects/bag.jpg``.
     """
 
     mass_g: _Amount | None = None
@@ -127,10 +121,8 @@ def read_objects(folder: Path) -> dict[str, ObjectFacts]:
     ``UnsafeNameError`` if a photo's name could lie outside of the folder.
     """
     path = folder / OBJECTS
-    if not path.exists():
-        return {}
     try:
-        found = msgspec.convert(parse_toml(read_words(path)), dict[str, ObjectFacts])
+        found = msgspec.convert(parse_toml(read_words(path)), dict[str, ObjectFacts]) if path.exists() else {}
     except (ValueError, UnicodeDecodeError) as error:  # of TOML and of msgspec
         raise RecordingError(
             f"{path}: {error}", "correct it, or write it with tega-teleop study object"
@@ -151,10 +143,9 @@ def objects_text(known: Mapping[str, ObjectFacts]) -> str:
 
 
 def note_object(folder: Path, name: str, *, photo: Path | None = None, **changes: Any) -> ObjectFacts:
-    """Record properties of an object of the plan; properties that are not given stay unchanged.
+    """Record properties of an object of the plan: ``changes``, and a JPEG or PNG file, which is copied.
 
-    ``photo`` is a JPEG or PNG file, which is copied; ``changes`` are other attributes of
-    :class:`ObjectFacts`. ``RecordingError`` if the photo is too large.
+    Properties that are not given stay unchanged. ``RecordingError`` if the photo is too large.
     """
     objects = read_plan(folder).settings.objects
     if name not in objects:

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from tega.runtime.files.csv_tables import cell_text
 from tega_study.analyse import Analysis
 from tega_study.coupling import TouchCourse, on_grid
 from tega_study.difference import Direction
@@ -40,7 +39,7 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
     """Return every CSV file by name."""
     from tega_study.figures import figure_8_trials
 
-    files = {} if analysis.blind else {"table1.csv": csv_text(table_1(analysis))}
+    files = {} if analysis.blind else {"table1.csv": _csv_text(table_1(analysis))}
     for name, rows in (
         ("trials", analysis.trials),
         ("cells", analysis.cells),
@@ -59,40 +58,35 @@ def csv_files(analysis: Analysis, courses: Mapping[str, TouchCourse]) -> dict[st
     ):
         if rows:
             files[f"{name}.csv"] = _records(rows)
-    lines: list[list[str]] = [["trial", *TouchCourse._fields]]
+    lines = [["trial", *TouchCourse._fields]]
     for ids in figure_8_trials(analysis, courses).values():
         for trial in ids:
             samples = zip(*on_grid(courses[trial]), strict=True)
             lines += [[trial, *(f"{value:.6g}" for value in sample)] for sample in samples]
     if len(lines) > 1:
-        files["fig8.csv"] = csv_text(lines)
+        files["fig8.csv"] = _csv_text(lines)
     if analysis.sensitivity:
-        files["sensitivity.csv"] = csv_text(_sensitivity(analysis))
-    files["provenance.csv"] = csv_text(_provenance(analysis, files))
+        names = Direction.__struct_fields__
+        found = [
+            [row.what, row.setting, row.end, *(getattr(one, name) for name in names)]
+            for row in analysis.sensitivity
+            for one in row.directions
+        ]
+        files["sensitivity.csv"] = _csv_text([["what", "setting", "end", *names], *found])
+    files["provenance.csv"] = _csv_text(_provenance(analysis, files))
     return files
 
 
-def _sensitivity(analysis: Analysis) -> list[list[str]]:
-    """Return a line a change and direction."""
-    names = Direction.__struct_fields__
-    lines = [["what", "setting", "end", *names]]
-    return lines + [
-        [row.what, row.setting, row.end, *(_cell(getattr(one, name)) for name in names)]
-        for row in analysis.sensitivity
-        for one in row.directions
-    ]
-
-
-def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]:
+def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[object]]:
     """Return where the tables come from, and each table's SHA-256, so that a table alone can be traced back."""
-    lines = [["what", "value"], ["source", analysis.source], ["simulated", _cell(analysis.simulated)]]
-    lines.append(["plan_sha256", analysis.plan_sha256])
+    lines: list[list[object]] = [["what", "value"], ["source", analysis.source]]
+    lines += [["simulated", analysis.simulated], ["plan_sha256", analysis.plan_sha256]]
     if (stated := analysis.assumptions) is not None:
         lines += [
             ["parameters_sha256", stated.parameters_sha256],
             ["parameters", "frozen before the first run" if stated.frozen else "changed"],
-            *([f"everyone {name}", _cell(value)] for name, value in stated.everyone.items()),
-            ["rules", str(stated.rules)],
+            *([f"everyone {name}", value] for name, value in stated.everyone.items()),
+            ["rules", stated.rules],
             ["people_sha256", stated.people_sha256],
             ["preset", stated.preset],
             ["view", stated.view],
@@ -105,22 +99,12 @@ def _provenance(analysis: Analysis, files: Mapping[str, str]) -> list[list[str]]
 
 def _records(rows: Sequence[msgspec.Struct]) -> str:
     names = rows[0].__struct_fields__
-    return csv_text([list(names), *([_cell(getattr(row, name)) for name in names] for row in rows)])
+    return _csv_text([list(names), *([getattr(row, name) for name in names] for row in rows)])
 
 
 def _cell(value: object) -> str:
-    """Write a value so that it reads back: floats with all their digits, lists with spaces between."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return str(int(value))
-    if isinstance(value, tuple):
-        return " ".join(_cell(one) for one in value)
-    return repr(value) if isinstance(value, float) else str(value)
+    return cell_text(" ".join(map(cell_text, value)) if isinstance(value, tuple) else value)
 
 
-def csv_text(rows: Sequence[Sequence[str]]) -> str:
-    """Return rows as CSV."""
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows(rows)
-    return out.getvalue()
+def _csv_text(rows: Sequence[Sequence[object]]) -> str:
+    return "".join(",".join(map(_cell, row)) + "\n" for row in rows)

@@ -33,8 +33,7 @@ class FingerPicture(NamedTuple):
     Attributes:
         baseline: The untouched gel, BGR, uint8 (H, W, 3).
         touch: The gel when touched most, with the contact and the map of the metric that the loop used.
-        cci_max: CCI that counts as full; 0 where it is not known.
-        eda_max: EDA that counts as full, pixels; likewise.
+        cci_max: CCI that counts as full; so does ``eda_max``, pixels. 0 where it is not known.
     """
 
     finger: str
@@ -52,34 +51,26 @@ def picture_path(folder: Path, trial: Trial | PlannedTrial) -> Path:
 
 def write_touch_picture(path: Path, picture: FingerPicture) -> None:
     """Write a picture; equal pictures give equal bytes."""
+    frame, contact, touch_map = picture.touch
+    arrays: dict[str, Any] = {
+        "finger": np.array(picture.finger),
+        "preset": np.array(picture.preset),
+        "baseline": picture.baseline,
+        "frame": frame,
+        "maxima": np.array([picture.cci_max, picture.eda_max]),
+        "numbers": np.array([getattr(contact, name) for name in _NUMBERS]),
+        "places": np.array([*contact.centroid_xy, *contact.peak_xy]),
+        "in_contact": np.array(contact.in_contact),
+    }
+    if touch_map is not None:
+        arrays |= {"height": touch_map.height, "unit": np.array(touch_map.unit), "mask": touch_map.mask}
     path.parent.mkdir(parents=True, exist_ok=True)
     with path.open("wb") as file:
-        arrays: dict[str, Any] = dict(
-            finger=np.array(picture.finger),
-            preset=np.array(picture.preset),
-            baseline=picture.baseline,
-            frame=picture.touch.frame,
-            maxima=np.array([picture.cci_max, picture.eda_max]),
-            **_measured(picture.touch),
-        )
         np.savez_compressed(file, **arrays)
 
 
 # Numbers of a contact in the order in which a picture's file has them.
 _NUMBERS = ("mass", "spread", "threshold", "eda", "cci", "peak")
-
-
-def _measured(touch: TouchImage) -> dict[str, NDArray[Any]]:
-    """Return the measurements of a frame as arrays."""
-    m = touch.contact
-    found: dict[str, NDArray[Any]] = {
-        "numbers": np.array([getattr(m, name) for name in _NUMBERS]),
-        "places": np.array([*m.centroid_xy, *m.peak_xy]),
-        "in_contact": np.array(m.in_contact),
-    }
-    if touch.map is not None:
-        found |= {"height": touch.map.height, "unit": np.array(touch.map.unit), "mask": touch.map.mask}
-    return found
 
 
 def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
@@ -92,8 +83,8 @@ def _touch(file: Any, frame: NDArray[np.uint8]) -> TouchImage:
     contact = Contact(finger=finger, t_ns=0, in_contact=touched, **places, **numbers)
     if "mask" not in file:
         return TouchImage(frame, contact)
-    touch_map = TouchMap(file["height"].astype(np.float32), str(file["unit"]), file["mask"].astype(np.bool_))
-    return TouchImage(frame, contact, touch_map)
+    height, unit, mask = file["height"], str(file["unit"]), file["mask"]
+    return TouchImage(frame, contact, TouchMap(height.astype(np.float32), unit, mask.astype(np.bool_)))
 
 
 def _measured_now(frame: NDArray[np.uint8], baseline: NDArray[np.uint8], preset: Preset) -> TouchImage:
@@ -185,11 +176,10 @@ def _follow(path: Path, finger: str, metric: Metric, t_ns: int) -> NDArray[np.ui
 def pictures_of(
     folder: Path, trials: Sequence[Trial], objects: Sequence[str], condition: str
 ) -> dict[str, FingerPicture]:
-    """Choose Fig 3's frames: the first person with any, the first trial of each object with a contact.
+    """Choose Fig 3's frames by trial id: the first person with any, the first trial of each object with a contact.
 
-    Objects in the order of the figure. ``condition`` is preferred, the first of the study; touch is measured
-    in the others as well. By trial id; empty where nothing was kept or recorded, or the extra ``record`` is
-    not installed.
+    ``condition`` is preferred; touch is measured in the others as well. Empty where nothing was kept or
+    recorded, or the extra ``record`` is not installed.
     """
     for person in dict.fromkeys(trial.participant for trial in trials):
         found = {}
@@ -217,12 +207,9 @@ def _picture_of(folder: Path, trial: Trial) -> FingerPicture | None:
 
 
 class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
-    """One fingertip's contact.
+    """One fingertip's contact; area (Eq 4) and peak in pixels.
 
-    Attributes:
-        eda: Contact area, pixels (Eq 4).
-        cci_norm: Share of the calibrated press, at most 1; ``None`` where there is none; ``eda_norm`` too.
-        peak_x: Peak, pixels; so is ``peak_y``.
+    ``cci_norm`` and ``eda_norm`` are shares of the calibrated press, at most 1.
     """
 
     trial: str
@@ -241,25 +228,23 @@ class FingerRow(msgspec.Struct, frozen=True, kw_only=True):
 def finger_rows(pictures: Mapping[str, FingerPicture], trials: Sequence[Trial]) -> tuple[FingerRow, ...]:
     """Return the contacts that the loop measured in the pictures, by trial id."""
     of = {trial.id: trial for trial in trials}
-    rows = []
-    for trial, picture in pictures.items():
-        contact = picture.touch.contact
-        rows.append(
-            FingerRow(
-                trial=trial,
-                object=of[trial].object,
-                condition=of[trial].condition,
-                finger=picture.finger,
-                preset=picture.preset,
-                cci=float(contact.cci),
-                eda=int(contact.eda),
-                cci_norm=_share(contact.cci, picture.cci_max),
-                eda_norm=_share(contact.eda, picture.eda_max),
-                peak_x=int(contact.peak_xy[0]),
-                peak_y=int(contact.peak_xy[1]),
-            )
+    return tuple(
+        FingerRow(
+            trial=trial,
+            object=of[trial].object,
+            condition=of[trial].condition,
+            finger=picture.finger,
+            preset=picture.preset,
+            cci=float(contact.cci),
+            eda=int(contact.eda),
+            cci_norm=_share(contact.cci, picture.cci_max),
+            eda_norm=_share(contact.eda, picture.eda_max),
+            peak_x=int(contact.peak_xy[0]),
+            peak_y=int(contact.peak_xy[1]),
         )
-    return tuple(rows)
+        for trial, picture in pictures.items()
+        for contact in (picture.touch.contact,)
+    )
 
 
 def _share(value: float, full: float) -> float | None:

@@ -9,14 +9,7 @@ import msgspec
 
 from tega.errors import RecordingError
 from tega_study.journal import WITH_DATA, JournalEvent, Status, counting, events_path, read_events
-from tega_study.observers import (
-    CAMERA,
-    camera_success,
-    measured_path,
-    read_measured,
-    read_observers,
-    saw_whole,
-)
+from tega_study.observers import CAMERA, measured_path, read_measured, read_observers, saw_whole
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.side_scores import score_beeps, squeeze_shares
 from tega_study.study_notes import staying
@@ -29,27 +22,22 @@ class Trial(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         id: Such as ``p01-t07``, or file and line of a bench's results.
-        trial: Number within the person.
-        repeat: Its number among those of the same person, object and condition.
+        repeat: Number among those of the same person, object and condition.
         status: ``done`` and ``failed_task`` are data; the others are reported in the flow and left out of the
             statistics.
         success: Lifted, held and not dropped; as corrected, if it was.
-        slips: After lift-off, as the paper counts them (reading A68).
-        slips_before: Before lift-off.
+        slips: After lift-off, as the paper counts them (reading A68); ``slips_before`` are before it.
         deformations: In the whole trial (reading A69).
         duration_s: From the start to the end of the trial; ``None`` where it did not run to its end.
         lift_off_s: From the start.
-        rater: The rater who counted slips, deformations and drops at a separate console; empty if the
-            session's own events are counted.
+        rater: Who counted slips, deformations and drops at a separate console; else ``""``.
         counted_by: Source of the counts, in words: that rater, else the sources of the session's own events.
-        redone: Why an attempt that had taken place does not count, as the experimenter reported; ``""`` where
-            none.
+        redone: The experimenter's reason why an attempt that had taken place does not count; ``""`` for none.
         beeps: Of the second task, those that count; ``beeps_answered`` of them were answered in time.
         reaction_s: Median from beep to press; ``None`` where none was answered.
-        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first;
-            ``None`` where there was none.
+        squeeze_share: Strength of the newest squeeze in the rest after it, as a share of the person's first.
         first: Whether the condition was the person's first with this object.
-        events: Where the row comes from, such as ``sessions/p01/events.jsonl:12``, one for every event used.
+        events: Every event used, such as ``sessions/p01/events.jsonl:12``.
     """
 
     id: str
@@ -121,10 +109,8 @@ def trials_of_events(
     replaces them and the success wherever it has measured the trial, as confirmed or corrected by a person if
     one has.
 
-    ``planned`` are the person's, in their order; ``where`` is the name of the events' file. ``observers`` are
-    events of the raters' own files, by rater; ``measured`` those of the scene camera, if its outcome counts.
-    ``simulated`` if the plan is one of simulated and emulated sessions. Raises ``RecordingError`` if an event
-    undoes one that is not there, or that cannot be undone.
+    ``where`` is the name of the events' file; ``measured`` are the scene camera's events, if its outcome
+    counts. Raises ``RecordingError`` if an event undoes one that is not there, or that cannot be undone.
     """
     undone = set()
     for event in (one for one in events if one.kind == "undo"):
@@ -186,7 +172,10 @@ def _counted(
     if not trial.rater:
         own = f"{beside}/{measured_path(Path(), 'p').name}"
         trial = _rated(trial, events, CAMERA, start.t_ns, where=own)
-    return msgspec.structs.replace(trial, success=camera_success(events, dropped=trial.drops > 0))
+    # The camera's verdict, without a drop that a person struck: it writes "lifted" only for a lift in time.
+    kinds = {event.kind for event in events}
+    good = any(event.kind == "trial_end" and event.success for event in events) or {"drop", "lifted"} <= kinds
+    return msgspec.structs.replace(trial, success=good and not trial.drops)
 
 
 def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int, *, where: str) -> Trial:

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
+from tega_study.lead.benches import TrialBench
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.questions import QUESTIONS
 from tega_study.lead.running_trial import Going
 from tega_study.observers import observer_path
 from tega_study.plan import PlannedTrial, StudyPlan, make_plan, read_plan, write_plan
-from tega_study.state import Where
 from tega_study.trials import Trial
 
 
@@ -30,17 +30,10 @@ def quick_study(folder: Path, **settings: Any) -> StudyPlan:
 
 def counted(person: str, condition: str, slips: int = 0, **more: Any) -> Trial:
     """Return the row of a made-up trial that counts."""
-    name, number = more.get("object", "bag"), more.get("trial", 1)
+    name, number = more.setdefault("object", "bag"), more.setdefault("trial", 1)
     own = {"id": f"{person}-{name}-{condition}-{number}", "participant": person, "condition": condition}
-    usual = {
-        "object": name,
-        "trial": number,
-        "repeat": number,
-        "success": True,
-        "deformations": 0,
-        "duration_s": 10.0,
-    }
-    return Trial(**{**usual, "slips": slips, **own, **more})
+    usual = {"repeat": number, "success": True, "deformations": 0, "duration_s": 10.0, "slips": slips}
+    return Trial(**{**usual, **own, **more})
 
 
 class ScriptedDesk:
@@ -77,19 +70,11 @@ class ScriptedDesk:
         return self._answer
 
 
-class StandingBench:
-    where: Where = "simulated"
-    sees_height = False
-    measures_height = False
-    closure: Any = None
-    rest_tasks: Any = ()
-    measurable = False
+class StandingBench(TrialBench):
+    """Devices that stand ready until the experimenter ends the trial; with ``own_time`` not by the clock's time."""
 
     def __init__(self, *, own_time: bool = False) -> None:
         self.own_time = own_time
-
-    def felt(self, condition: str) -> bool:
-        return condition == "haptic"
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
         going.notify("armed", "stands ready")

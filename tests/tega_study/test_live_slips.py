@@ -235,7 +235,7 @@ def test_a_study_keeps_no_closure_of_a_hand_that_has_told_no_angles() -> None:
         going = Going(ManualClock(), feel=True, closure=ClosureScale())
         going.begin(0)
         going.view(LoopView(0, {}, None, None, angles_rad, {}))
-        (row,) = going.hand()
+        (row,) = going.hand
         return row
 
     nothing, half = kept([math.nan] * 16), kept(CLOSURE_POSES_RAD[2].tolist())

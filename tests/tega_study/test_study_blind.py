@@ -15,7 +15,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
 from click.testing import CliRunner
-from test_study_report import fill, quick_planner  # noqa: F401
+from test_study_report import fill
 
 from reference.study_bench import files_of
 from tega.ui.cli.main import cli

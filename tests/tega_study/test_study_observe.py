@@ -6,7 +6,7 @@ from __future__ import annotations
 import asyncio
 import os
 import time
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -134,6 +134,17 @@ def test_an_export_has_the_raters_under_new_names(folder: Path, tmp_path: Path) 
 # The console itself.
 
 
+@pytest.fixture
+def main(folder: Path) -> Iterator[Journal]:
+    """Return the session that goes on now."""
+    with begin(folder, time.monotonic_ns()) as journal:
+        yield journal
+
+
+def started(main: Journal, trial: int = 1) -> None:
+    main.add("trial_start", t_ns=time.monotonic_ns(), trial=trial, source="auto")
+
+
 def pilot(folder: Path, play: Callable[..., Awaitable[None]]) -> None:
     pytest.importorskip("textual")
     from tega_study.observe.console import Console
@@ -146,14 +157,13 @@ def pilot(folder: Path, play: Callable[..., Awaitable[None]]) -> None:
     asyncio.run(run())
 
 
-def test_each_key_is_an_event_and_nothing_else_happens(folder: Path) -> None:
+def test_each_key_is_an_event_and_nothing_else_happens(folder: Path, main: Journal) -> None:
     path = observer_path(folder, "p01", "r1")
-    main = begin(folder, time.monotonic_ns())
 
     async def play(app, made) -> None:
         await made.press("s")
         assert app.said == "no trial has begun yet"
-        main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
+        started(main)
         began_ns = time.monotonic_ns()
         for key in ("l", "s", "d", "x", "u", "k", "ctrl+q", "tab"):
             await made.press(key)
@@ -170,12 +180,10 @@ def test_each_key_is_an_event_and_nothing_else_happens(folder: Path) -> None:
         assert app.is_running
 
     pilot(folder, play)
-    main.close()
 
 
-def test_a_key_that_is_held_down_counts_once(folder: Path) -> None:
-    main = begin(folder, time.monotonic_ns())
-    main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
+def test_a_key_that_is_held_down_counts_once(folder: Path, main: Journal) -> None:
+    started(main)
 
     async def play(app, _made) -> None:
         from textual.events import Key
@@ -187,7 +195,6 @@ def test_a_key_that_is_held_down_counts_once(folder: Path) -> None:
             app.on_key(key)
 
     pilot(folder, play)
-    main.close()
     slips = [e for e in read_events(observer_path(folder, "p01", "r1")) if e.kind == "slip"]
     assert len(slips) == 2
     # The moment is that of the key, not that of the five seconds later at which it was handled.
@@ -195,11 +202,10 @@ def test_a_key_that_is_held_down_counts_once(folder: Path) -> None:
     assert time.monotonic_ns() - slips[0].t_ns > 4 * S
 
 
-def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Path) -> None:
+def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Path, main: Journal) -> None:
     pytest.importorskip("textual")
     from textual.widgets import Digits, Static
 
-    main = begin(folder, time.monotonic_ns())
     now_ns = time.monotonic_ns()
     board = SessionBoard(
         t_ns=now_ns, phase="rest", trial=2, object="bag", n_over=1, n_trials=4, until_ns=now_ns + 60 * S
@@ -211,7 +217,7 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
         minutes, seconds = map(float, app.query_one("#clock", Digits).value.split(":"))
         assert minutes * 60 + seconds == pytest.approx(60.0, abs=30.0)  # a busy machine takes its time
         assert "REST, then trial 2 · bag" in str(app.query_one("#phase", Static).render())
-        main.add("trial_start", t_ns=time.monotonic_ns(), trial=2, source="auto")
+        started(main, 2)
         health = ("thumb: no pictures",)
         running = SessionBoard(t_ns=time.monotonic_ns(), phase="trial", trial=2, object="bag", health=health)
         write_board(board_path(folder, "p01"), running)
@@ -222,15 +228,13 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
         assert "haptic" not in displayed
 
     pilot(folder, play)
-    main.close()
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="a pseudo terminal")
-def test_it_works_in_a_real_terminal(folder: Path) -> None:
+def test_it_works_in_a_real_terminal(folder: Path, main: Journal) -> None:
     pytest.importorskip("textual")
-    main = begin(folder, time.monotonic_ns())
-    main.add("trial_start", t_ns=time.monotonic_ns(), trial=1, source="auto")
+    started(main)
     path = observer_path(folder, "p01", "r1")
     with in_terminal("study", "observe", folder, "p01") as (process, ours, drawn):
         for keys, kind in ((b"", "trial_start"), (b"sd", "deformation"), (b"u", "undo")):
@@ -241,5 +245,4 @@ def test_it_works_in_a_real_terminal(folder: Path) -> None:
             time.sleep(0.3)
         until(lambda: bool(drawn()) and process.poll() is not None)
         assert process.returncode == 0
-    main.close()
     assert kinds(path) == ["session_start", "trial_start", "slip", "deformation", "undo"]

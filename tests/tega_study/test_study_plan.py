@@ -46,11 +46,6 @@ def run_all(folder: Path, person: str) -> None:
             state = derive(plan.of(person), journal.events)
 
 
-def test_the_plan_of_a_seed_stays_what_it_is() -> None:
-    plan = make_plan(participants=12, seed=20250101)
-    assert plan.settings.plan_sha256.startswith("f154b237f0db6ad5")
-
-
 def test_a_plan_is_never_overwritten(folder: Path) -> None:
     before = (folder / "plan.csv").read_bytes()
     with pytest.raises(InvalidValueError, match="never overwritten"):
@@ -59,10 +54,17 @@ def test_a_plan_is_never_overwritten(folder: Path) -> None:
     assert [path.name for path in folder.parent.iterdir()] == ["study"]
 
 
-def test_a_changed_plan_is_refused(folder: Path) -> None:
-    text = (folder / "plan.csv").read_text()
-    (folder / "plan.csv").write_text(text.replace("bag", "bottle", 1))
-    with pytest.raises(RecordingError, match="not as it was written"):
+@pytest.mark.parametrize(
+    ("name", "old", "new", "message"),
+    [
+        ("plan.csv", "bag", "bottle", "not as it was written"),
+        ("study.toml", "duration_s:", "weight_g:", r"family: 'weight_g:.*' is no test of this study"),
+    ],
+)
+def test_a_changed_plan_is_refused(folder: Path, name: str, old: str, new: str, message: str) -> None:
+    text = (folder / name).read_text(encoding="utf-8")
+    (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(RecordingError, match=message):
         read_plan(folder)
 
 
@@ -84,15 +86,12 @@ def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str)
         make_plan(**{"participants": 2, **fields})
 
 
-def test_a_plan_whose_family_names_what_is_no_outcome_is_refused(folder: Path) -> None:
-    file = folder / "study.toml"
-    file.write_text(file.read_text(encoding="utf-8").replace("duration_s:", "weight_g:", 1), encoding="utf-8")
-    with pytest.raises(RecordingError, match=r"family: 'weight_g:.*' is no test of this study"):
-        read_plan(folder)
-
-
-def test_rests_are_a_minute_three_at_a_change_and_five_after_twenty() -> None:
-    rests = [trial.rest_s for trial in make_plan(participants=1).of("p01")]
+def test_the_plan_of_a_seed_stays_what_it_is_and_rests_a_minute_three_at_a_change_and_five_after_twenty() -> (
+    None
+):
+    plan = make_plan(participants=12, seed=20250101)
+    assert plan.settings.plan_sha256.startswith("f154b237f0db6ad5")
+    rests = [trial.rest_s for trial in plan.of("p01")]
     assert rests[:6] == [0, 60, 60, 60, 60, 180]
     assert rests[20] == rests[40] == 300
 

@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -55,14 +54,6 @@ def fill(folder: Path, *, people: int, courses: bool = True, simulated: bool = T
                     pose = np.round(2 + 2 * np.sin(t_s / 2 + random.random()))
                     touch = np.clip(np.convolve(pose, np.ones(6) / 24)[: len(t_s)], 0, 1)
                     write_course(course_path(folder, trial), TouchCourse(t_s, touch, touch**2, pose))
-
-
-@pytest.fixture(autouse=True, scope="module")
-def quick_planner() -> Iterator[None]:
-    """Draw few studies for the planner, which has tests of its own."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tega_study.power._RUNS", 20)
-        yield
 
 
 @pytest.fixture(scope="module")
@@ -321,10 +312,6 @@ def test_what_two_people_cannot_tell_is_not_given_as_numbers(tmp_path: Path) -> 
     assert all(f"<td>{number(test.effect)} (not estimable)</td>" in page for test in ratios)
 
 
-def test_what_rounds_to_nothing_has_no_sign() -> None:
-    assert [number(value) for value in (-0.001, 0.0, -0.01, None)] == ["0.00", "0.00", "−0.01", "–"]
-
-
 def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) -> None:
     page = report.page.read_text()
     assert page.index("What differs from the paper's set-up") > page.index("paper 152.8")
@@ -336,6 +323,10 @@ def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) 
     )
     assert "paper 152.8" not in report_html(other, {})
     assert "set-up" not in report_html(other, {})
+
+
+def test_what_rounds_to_nothing_has_no_sign() -> None:
+    assert [number(value) for value in (-0.001, 0.0, -0.01, None)] == ["0.00", "0.00", "−0.01", "–"]
 
 
 @pytest.mark.parametrize(("n", "violins"), [(5, 0), (6, 1)])

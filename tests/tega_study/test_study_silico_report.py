@@ -15,8 +15,6 @@ from msgspec.structs import replace
 pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
-from test_study_report import quick_planner  # noqa: F401
-
 from reference.study_bench import counted
 from tega.errors import RecordingError
 from tega_study.difference import directions

@@ -1,4 +1,4 @@
-"""A study in silico: the same whoever runs it, resumable, refused where it cannot be."""
+"""A study in silico: the same whoever runs it, resumable, refused where it cannot be, reported by another process."""
 
 from __future__ import annotations
 
@@ -14,15 +14,19 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 pytest.importorskip("mujoco")
+pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
+pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
+
+import numpy as np
 
 from reference.processes import until
 from reference.study_bench import files_of
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
 from tega_sim.operator import draw_person, load_parameters
+from tega_study.cli.simulate import report_apart
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions
 from tega_study.silico.sensitivity import read_sensitivity, run_sensitivity
 from tega_study.silico.simulate import simulate, unfinished
@@ -66,17 +70,11 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
     whole = files_of(small)
     assert unfinished(small, plan) == []
     assert len(study_trials(small)[1]) == 2
-    assert sorted(whole) == [
-        "courses/p01/p01-t01.csv",
-        "courses/p01/p01-t02.csv",
-        "parameters.toml",
-        "pictures/p01/p01-t01.npz",
-        "plan.csv",
-        "sessions/p01/events.jsonl",
-        "sessions/p01/results.jsonl",
-        "simulation.toml",
-        "study.toml",
-    ]
+    names = (
+        "courses/p01/p01-t01.csv courses/p01/p01-t02.csv parameters.toml pictures/p01/p01-t01.npz plan.csv"
+    )
+    names += " sessions/p01/events.jsonl sessions/p01/results.jsonl simulation.toml study.toml"
+    assert sorted(whole) == names.split()
     picture = read_touch_picture(small / "pictures" / "p01" / "p01-t01.npz")
     frame, metrics, touch_map = picture.touch
     assert frame.shape == (320, 240, 3)
@@ -95,30 +93,20 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
 
 
 @pytest.mark.slow
-def test_another_study_or_other_assumptions_are_refused_in_the_same_folder(
+def test_another_study_or_other_assumptions_are_refused_in_the_same_folder_and_the_frozen_file_is_known(
     small: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(InvalidValueError, match="another plan"):
         simulate(small, operators=2, objects=["bag"], trials=1, jobs=1)
-    changed = tmp_path / "changed.toml"
-    shipped = (files("tega_sim.operator") / PARAMETERS).read_text(encoding="utf-8")
-    changed.write_text(
-        shipped.replace("value = 0.30, sd = 0.10", "value = 0.31, sd = 0.10"), encoding="utf-8"
-    )
+    changed, shipped = tmp_path / "changed.toml", (files("tega_sim.operator") / PARAMETERS).read_bytes()
+    changed.write_bytes(shipped.replace(b"value = 0.30, sd = 0.10", b"value = 0.31, sd = 0.10"))
     with pytest.raises(InvalidValueError, match=r"begun with another (simulation|parameters)\.toml"):
         simulate(small, operators=1, objects=["bag"], trials=1, jobs=1, parameters=changed)
-
-
-@pytest.mark.slow
-def test_the_parameter_file_is_the_frozen_one_and_any_other_is_called_changed(
-    small: Path, tmp_path: Path
-) -> None:
     stated = read_assumptions(small)
     assert stated is not None
     assert stated.frozen, "parameters.toml has changed: that is another study, never another frozen file"
-    assert (small / PARAMETERS).read_bytes() == (files("tega_sim.operator") / PARAMETERS).read_bytes()
+    assert (small / PARAMETERS).read_bytes() == shipped
     assert stated.objects["bag"]["mass_kg"] == 0.40
-    changed = tmp_path / "changed.toml"
     changed.write_bytes((small / PARAMETERS).read_bytes() + b"\n")
     assert not load_parameters(changed).frozen
     (tmp_path / PARAMETERS).write_bytes(changed.read_bytes())
@@ -259,3 +247,46 @@ def test_a_study_killed_ten_times_is_the_one_that_was_not(tmp_path: Path) -> Non
     whole, left = files_of(tmp_path / "whole"), files_of(cut)
     assert {name: left[name] for name in whole} == whole
     assert not any(name.startswith(".running") for name in left)
+
+
+MOST_MB = 250
+STUDY = ["study", "simulate", "--operators", "1", "--trials", "1", "--objects", "bag", "--jobs", "1", "--out"]
+PROGRAM = """
+import resource, sys
+from tega.ui.cli.main import main
+try:
+    main(sys.argv[1:])
+except SystemExit as end:
+    assert not end.code, end.code
+# Not the resource usage of this process, which has that of the program it was forked from.
+own = next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmHWM"))
+report = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
+print(own, report, *{"statsmodels", "matplotlib"} & set(sys.modules), file=sys.stderr)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the memory of a process")
+def test_neither_the_sessions_nor_the_report_take_more_than_250_mb(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *STUDY, str(tmp_path / "s")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "s" / "report.html").is_file()
+    assert done.stdout.startswith(str(tmp_path / "s" / "report.html"))
+    own, report, *loaded = done.stderr.splitlines()[-1].split()
+    assert not loaded
+    assert int(own) / 1024 < MOST_MB
+    assert int(report) / 1024 < MOST_MB
+
+
+def test_a_report_that_cannot_be_written_is_told_and_ends_the_program(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as found:
+        report_apart(tmp_path / "nothing")
+    assert found.value.code == 1
+    assert "error:" in capfd.readouterr().err

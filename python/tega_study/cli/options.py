@@ -14,8 +14,6 @@ from tega_sim.cli.options import objects_option
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
-PATH: Final = click.Path(path_type=Path)
-FILE: Final = click.Path(path_type=Path, dir_okay=False)
 FOLDER: Final = click.Path(path_type=Path, file_okay=False)
 
 folder_argument = click.argument("folder", type=FOLDER)
@@ -32,21 +30,12 @@ def answer(value: Any, lines: Iterable[object], *, as_json: bool) -> None:
             click.echo(line)
 
 
-class _Shard(click.ParamType[tuple[int, int]]):
-    """Part of a simulation that is shared between machines, such as 2/8."""
-
-    name = "i/n"
-
-    def convert(
-        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
-    ) -> tuple[int, int]:
-        """Read the part, or fail with a usage error."""
-        if isinstance(value, tuple):
-            return value
-        part, _, parts = str(value).partition("/")
-        if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
-            self.fail(f"{value!r} is not i/n with i from 1 to n, such as 2/4", param, ctx)
-        return int(part), int(parts)
+def _shard(_ctx: click.Context, _option: click.Parameter, text: str) -> tuple[int, int]:
+    """Read the part of a simulation that is shared between machines, or fail with a usage error."""
+    part, _, parts = text.partition("/")
+    if not (part.isdecimal() and parts.isdecimal() and 1 <= int(part) <= int(parts)):
+        raise click.BadParameter(f"{text!r} is not i/n with i from 1 to n, such as 2/4")
+    return int(part), int(parts)
 
 
 def trials_option(default: int) -> Callable[[_Function], _Function]:
@@ -74,7 +63,11 @@ workers_options = all_options(
         "--jobs", type=click.IntRange(0, 1024), default=0, help="Worker processes; 0 for all cores."
     ),
     click.option(
-        "--shard", type=_Shard(), default="1/1", help="Only the i-th of n parts, for many machines."
+        "--shard",
+        metavar="I/N",
+        callback=_shard,
+        default="1/1",
+        help="Only the i-th of n parts, for many machines.",
     ),
     click.option(
         "--dask",

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tega.errors import InvalidValueError
-from tega.ui.cli.options import NAMES, json_option
-from tega_study.cli.options import FILE, FOLDER, answer, design_options, folder_argument, shown_option
-
-if TYPE_CHECKING:
-    from tega_study.plan import StudyPlan
+from tega.ui.cli.options import FILE, NAMES, json_option
+from tega_study.cli.options import FOLDER, answer, design_options, folder_argument, shown_option
 
 
 @click.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")
@@ -56,9 +53,18 @@ def plan(
     import msgspec
 
     from tega_study.plan import make_plan, write_plan
+    from tega_study.power import MOST_PEOPLE, too_few
 
     made = make_plan(simulated=simulated, behaviours=behaviours or (), **settings)
-    warning = _too_few(made)
+    warning, family = "", made.settings.family
+    if few := too_few(family, people=made.settings.participants, alpha=made.settings.alpha):
+        words = {"duration_s": "time"}
+        least = ", ".join(f"{words.get(name, name)} {n or f'over {MOST_PEOPLE}'}" for name, n in few.items())
+        warning = (
+            f"with {made.settings.participants} people these tests cannot be significant at p = "
+            f"{made.settings.alpha:g}, however large the effect; least number of people, {len(family)} tests "
+            f"corrected by Holm: {least}"
+        )
     if warning and not (anyway or simulated):
         raise InvalidValueError(warning, "plan more people, or add --anyway")
     write_plan(made, out)
@@ -75,22 +81,6 @@ def plan(
     )
     if warning and not as_json:
         click.echo(f"warning: {warning}", err=True)
-
-
-def _too_few(made: StudyPlan) -> str:
-    """Return in words which tests cannot become significant with the people of a plan; ``""`` if all can."""
-    from tega_study.power import MOST_PEOPLE, too_few
-
-    settings = made.settings
-    few = too_few(settings.family, people=settings.participants, alpha=settings.alpha)
-    if not few:
-        return ""
-    words = {"duration_s": "time"}
-    least = ", ".join(f"{words.get(name, name)} {n or f'over {MOST_PEOPLE}'}" for name, n in few.items())
-    return (
-        f"with {settings.participants} people these tests cannot be significant at p = {settings.alpha:g}, "
-        f"however large the effect; least number of people, {len(settings.family)} tests corrected by Holm: {least}"
-    )
 
 
 @click.command(epilog="Example: tega-teleop study status my-study")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
-from tega_study.cli.options import FILE, FOLDER, answer, folder_argument, participant_argument
+from tega.ui.cli.options import FILE, json_option
+from tega_study.cli.options import FOLDER, answer, folder_argument, participant_argument
 
 
 @click.command(epilog="Example: tega-teleop study withdraw my-study p03")
@@ -57,21 +57,14 @@ def export(*, folder: Path, out: Path, bids: bool, as_json: bool) -> None:
     """
     import secrets
 
-    if bids:
-        _export_bids(folder, out, as_json=as_json)
-        return
-
+    from tega_study.emg_bids.dataset import export_bids
     from tega_study.privacy import export as copy
 
-    new = copy(folder, out, key=secrets.token_hex(32))
-    lines = [f"{out}: {len(new)} people under new ids"]
-    answer({"out": str(out), "participants": len(new)}, lines, as_json=as_json)
-
-
-def _export_bids(folder: Path, out: Path, *, as_json: bool) -> None:
-    """Write the BIDS data set, and print its people, runs and what is left out."""
-    from tega_study.emg_bids.dataset import export_bids
-
+    if not bids:
+        new = copy(folder, out, key=secrets.token_hex(32))
+        lines = [f"{out}: {len(new)} people under new ids"]
+        answer({"out": str(out), "participants": len(new)}, lines, as_json=as_json)
+        return
     made = export_bids(folder, out)
     runs = [path.relative_to(out).as_posix() for path in made.runs]
     if not as_json:

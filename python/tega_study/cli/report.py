@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
-from tega_study.cli.options import FOLDER, PATH, answer, shown_option
+from tega.ui.cli.options import PATH, echo_json, json_option
+from tega_study.cli.options import FOLDER, answer, shown_option
 
 if TYPE_CHECKING:
     from tega_study.analyse import Analysis

@@ -11,9 +11,9 @@ import click
 
 from tega.config import check_tree, load_config, override_tree
 from tega.errors import MissingExtraError
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, echo_json, json_option
 from tega_sim.cli.options import loop_sets
-from tega_study.cli.options import FILE, PATH, answer, folder_argument, participant_argument, shown_option
+from tega_study.cli.options import answer, folder_argument, participant_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.lead.benches import TrialBench
@@ -154,8 +154,7 @@ def run(
 def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None]:
     """Play what masks the motors of the lab's vest, where its settings set a level, and the plan's beeps."""
     from tega_study.lead.benches import LabBench
-    from tega_study.masking_settings import MaskingSection
-    from tega_study.masking_sound import MaskingSound
+    from tega_study.masking_sound import MaskingSection, MaskingSound
 
     settings = bench.masking if isinstance(bench, LabBench) else MaskingSection()
     if settings.level_dbfs is None and not plan.settings.probe:

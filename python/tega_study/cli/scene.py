@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import click
 
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FILE, echo_json, json_option
 from tega_scene.cli import optics_options, print_outcome
-from tega_study.cli.options import FILE, answer, folder_argument, participant_argument
+from tega_study.cli.options import answer, folder_argument, participant_argument
 
 
 @click.command(
@@ -25,15 +26,13 @@ from tega_study.cli.options import FILE, answer, folder_argument, participant_ar
 @json_option
 def measure(
     *,
-    folder: Path,
-    participant: str,
     video: Path | None,
-    camera: str | None,
     lens_file: Path | None,
     layout_file: Path | None,
     harm_mm: float,
     mark: tuple[float, float] | None,
     as_json: bool,
+    **requested: Any,
 ) -> None:
     """Score the trials of a study's session by a camera; study score compares them with the raters.
 
@@ -47,20 +46,14 @@ def measure(
     from tega_scene.lens import load_lens
     from tega_study.measuring import measure_session
 
-    if video is not None and camera is not None:
+    if video is not None and requested["camera"] is not None:
         raise click.UsageError("a video is of one camera: leave out --camera or the file")
     if video is not None and (lens_file is None or layout_file is None):
         raise click.UsageError("a video needs --lens CAM.json and --layout TAGS.toml")
-    found = measure_session(
-        folder,
-        participant,
-        video,
-        None if lens_file is None else load_lens(lens_file),
-        None if layout_file is None else load_layout(layout_file),
-        camera=camera,
-        harm_m=harm_mm / 1000,
-        mark_m=mark,
-    )
+    lens = None if lens_file is None else load_lens(lens_file)
+    layout = None if layout_file is None else load_layout(layout_file)
+    size_m: dict[str, Any] = {"harm_m": harm_mm / 1000, "mark_m": mark}
+    found = measure_session(video=video, lens=lens, layout=layout, **size_m, **requested)
     if as_json:
         echo_json({"trials": msgspec.to_builtins(found)})
         return
@@ -90,12 +83,11 @@ def confirm(
     folder: Path,
     participant: str,
     trial: int,
-    rater: str,
     attempt: int,
-    struck: tuple[int, ...],
     added: tuple[str, ...],
     only_list: bool,
     as_json: bool,
+    **requested: Any,
 ) -> None:
     """Confirm or correct the camera's measurement of a trial; the camera's own account stays unchanged.
 
@@ -105,11 +97,8 @@ def confirm(
     from tega_study.observers import read_measured
 
     if only_list:
-        events = [
-            event
-            for event in read_measured(folder, participant)
-            if (event.trial, event.attempt) == (trial, attempt) and event.kind in CORRECTED
-        ]
+        mine = [e for e in read_measured(folder, participant) if (e.trial, e.attempt) == (trial, attempt)]
+        events = [event for event in mine if event.kind in CORRECTED]
         lines = [f"{event.n}: {event.text}" for event in events]
     else:
         wanted = []
@@ -119,10 +108,8 @@ def confirm(
                 wanted.append((kind, float(t_s)))
             except ValueError:
                 raise click.UsageError(f"--add {text}: write it as slip=4.2") from None
-        events = confirm_trial(
-            folder, participant, trial, rater, attempt=attempt, struck=struck, added=wanted
-        )
+        events = confirm_trial(folder, participant, trial, attempt=attempt, added=wanted, **requested)
         reported = ", ".join(one.kind for one in events) or "nothing"
-        lines = [f"{participant} trial {trial}, as {rater} has it: {reported}"]
+        lines = [f"{participant} trial {trial}, as {requested['rater']} has it: {reported}"]
     shown = [{"n": one.n, "kind": one.kind, "t_ns": one.t_ns} for one in events]
     answer({"events": shown}, lines, as_json=as_json)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import json_option, progress_bar
-from tega_study.cli.options import FILE, FOLDER, PATH, answer, folder_argument, shown_option
+from tega.ui.cli.options import FILE, PATH, json_option, progress_bar
+from tega_study.cli.options import FOLDER, answer, folder_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.detecting import TrialEvents
@@ -132,8 +133,7 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
     rows = msgspec.to_builtins(found)
     lines = []
     for row, one in zip(rows, found, strict=True):
-        row["events"] = [event._asdict() for event in one.events]
-        row["unobservable"] = one.unobservable
+        row |= {"events": [event._asdict() for event in one.events], "unobservable": one.unobservable}
         again = " again" if one.attempt > 1 else ""
         lines.append(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
     for subject, lacks in _LACKS.items():
@@ -149,11 +149,8 @@ _LACKS = {
 
 
 def _reported(one: TrialEvents) -> str:
-    words = [
-        f"{event.kind.replace('_', '-')} {event.t_s:.2f} s ({event.confidence:.2f})"
-        for event in one.events
-        if not event.finger
-    ]
+    named = [event for event in one.events if not event.finger]
+    words = [f"{e.kind.replace('_', '-')} {e.t_s:.2f} s ({e.confidence:.2f})" for e in named]
     fingers = sum(event.kind == "contact" for event in one.events)
     return ", ".join([*words, f"{fingers} contact{'' if fingers == 1 else 's'} of fingers"])
 
@@ -182,14 +179,7 @@ def _reported(one: TrialEvents) -> str:
 )
 @json_option
 def clips(
-    *,
-    folder: Path,
-    out: Path | None,
-    rater: str,
-    proposals: bool,
-    scenes: tuple[Path, ...],
-    take: Path | None,
-    as_json: bool,
+    *, folder: Path, out: Path | None, rater: str, take: Path | None, as_json: bool, **requested: Any
 ) -> None:
     """Make blind, shuffled clips of the recorded trials with a BORIS project, or take one back with --take.
 
@@ -219,14 +209,7 @@ def clips(
         return
     assert out is not None
     with progress_bar(enabled=not as_json) as displayed:
-        key = make_clips(
-            folder,
-            out,
-            rater,
-            proposals=proposals,
-            scenes=scenes,
-            reported=lambda done, total: displayed("clips", done, total),
-        )
+        key = make_clips(folder, out, rater, reported=partial(displayed, "clips"), **requested)
     project = out / f"{rater}.boris"
     answer(
         {"project": str(project), "clips": len(key.clips), "left_out": key.left_out},

@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from tega.config import load_config
-from tega.ui.cli.options import json_option, sets_option, worn_by
-from tega_study.cli.options import PATH, answer, folder_argument, shown_option
+from tega.ui.cli.options import PATH, json_option, sets_option, worn_by
+from tega_study.cli.options import answer, folder_argument, shown_option
 
 
 @click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")
@@ -31,12 +31,11 @@ def take(
     *,
     config: Path,
     folder: Path,
-    task: str,
-    pedals: str,
     person: str | None,
     most: int | None,
     sets: tuple[str, ...],
     as_json: bool,
+    **requested: str,
 ) -> None:
     """Take episodes into FOLDER, a recording each: Enter starts, ends and keeps, x discards, r does it again.
 
@@ -49,9 +48,7 @@ def take(
 
     settings = load_config(config, sets=worn_by(person, sets)).config
     with CtrlC() as stop, desk_for(stop) as desk:
-        taker = EpisodeTaker(
-            settings, folder, desk, task=task, pedals=pedals, stop=stop, settings=str(config)
-        )
+        taker = EpisodeTaker(settings, folder, desk, stop=stop, settings=str(config), **requested)
         ended = taker.take(most=most)
     kept = [line.file for line in ended if line.step == "kept"]
     discarded = len(ended) - len(kept)

@@ -96,18 +96,29 @@ def _run(
     stem = f"sub-{label(person)}_task-{label(trial.object)}_run-{trial.trial:02d}"
     file = where / f"{stem}_emg.edf"
     gaps = write_edf(file, muscles)
-    _write_json(where / f"{stem}_emg.json", _sidecar(muscles, trial))
+    facts = {
+        "TaskName": label(trial.object),
+        "TaskDescription": f"Grasp, lift and hold the object {trial.object!r} with a teleoperated hand.",
+        "ManufacturersModelName": muscles.device or "n/a",
+        "SoftwareVersions": f"TEGA {tega.__version__}",
+        "EMGPlacementScheme": "Other",
+        "EMGPlacementSchemeDescription": f"Forearm; exact places {_UNKNOWN}.",
+        "EMGReference": _UNKNOWN,
+        "SamplingFrequency": muscles.rate_hz,
+        "PowerLineFrequency": "n/a",
+        "RecordingType": "continuous",
+        "SoftwareFilters": "n/a",
+        "EMGChannelCount": len(muscles.names),
+        "RecordingDuration": len(muscles.samples) / muscles.rate_hz,
+    }
+    _write_json(where / f"{stem}_emg.json", facts)
     _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
     electrodes = where / f"sub-{label(person)}_electrodes.tsv"
     known = electrodes.read_text(encoding="utf-8").splitlines()[1:] if electrodes.is_file() else []
-    rows = dict.fromkeys([*known, *(f"{name}\tn/a\tn/a" for name in muscles.names)])
-    _write_table(electrodes, "name\tx\ty", list(rows))
-    found = counting(events, trial.trial, trial.attempt)
-    _write_table(
-        where / f"{stem}_events.tsv",
-        "onset\tduration\ttrial_type\tsource",
-        _events(found, trial, muscles, gaps),
-    )
+    known += [f"{name}\tn/a\tn/a" for name in muscles.names]
+    _write_table(electrodes, "name\tx\ty", list(dict.fromkeys(known)))
+    rows = _events(counting(events, trial.trial, trial.attempt), trial, muscles, gaps)
+    _write_table(where / f"{stem}_events.tsv", "onset\tduration\ttrial_type\tsource", rows)
     _write_json(where / f"{stem}_events.json", _EVENTS)
     note_copy(path, out)
     return file
@@ -125,24 +136,6 @@ def _events(
         f"{onset:.6f}\t{duration:.6f}\t{kind}\t{re.sub(r'[^ -~]', '?', source) or 'n/a'}"
         for onset, duration, kind, source in sorted(rows)
     ]
-
-
-def _sidecar(muscles: Muscles, trial: RecordedTrial) -> dict[str, Any]:
-    return {
-        "TaskName": label(trial.object),
-        "TaskDescription": f"Grasp, lift and hold the object {trial.object!r} with a teleoperated hand.",
-        "ManufacturersModelName": muscles.device or "n/a",
-        "SoftwareVersions": f"TEGA {tega.__version__}",
-        "EMGPlacementScheme": "Other",
-        "EMGPlacementSchemeDescription": f"Forearm; exact places {_UNKNOWN}.",
-        "EMGReference": _UNKNOWN,
-        "SamplingFrequency": muscles.rate_hz,
-        "PowerLineFrequency": "n/a",
-        "RecordingType": "continuous",
-        "SoftwareFilters": "n/a",
-        "EMGChannelCount": len(muscles.names),
-        "RecordingDuration": len(muscles.samples) / muscles.rate_hz,
-    }
 
 
 def _head(out: Path, rows: Sequence[str], *, is_rehearsed: bool) -> None:

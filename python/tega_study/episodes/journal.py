@@ -21,9 +21,8 @@ class EpisodeLine(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknow
 
     Attributes:
         episode: Its number in the folder, from 1; one that was discarded keeps its own.
-        step: ``begun``; how it ended; ``cut`` where the program ended before it did, and what there is was
-            kept.
-        at_s: When, since 1970.
+        step: ``cut`` where the program ended before the episode did, and what there is was kept.
+        at_s: Since 1970.
         file: The recording; a discarded one's name goes to a later episode.
         why: Why it was discarded, where that was no person.
     """
@@ -54,17 +53,14 @@ class EpisodeJournal(JsonLines[EpisodeLine]):
         path = folder.path / EPISODES
         taken = f"{path}: another program takes episodes here", "end that one first"
         super().__init__(path, EpisodeLine, "episode", taken=taken)
-        try:
-            self._close_cut()
-        except BaseException:
-            self.close()
-            raise
-
-    def _close_cut(self) -> None:
-        """Note an episode that the program did not live to end; its recording was finished before."""
         if self.entries and (last := self.entries[-1]).step == "begun":
-            step: EpisodeStep = "cut" if self.folder.finished(last.file) else "discarded"
-            self.add(step, last.file, last.task, why="the program had stopped")
+            # The program did not live to end it; its recording was finished before.
+            try:
+                step: EpisodeStep = "cut" if folder.finished(last.file) else "discarded"
+                self.add(step, last.file, last.task, why="the program had stopped")
+            except BaseException:
+                self.close()
+                raise
 
     @property
     def n_episodes(self) -> int:

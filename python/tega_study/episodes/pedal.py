@@ -22,7 +22,7 @@ _MOST: Final = 64
 class EpisodePedal:
     """Presses of the marker seat's device, opened here or by a run; without a seat there are none.
 
-    ``problem`` is why the pedal cannot be read between episodes; ``""`` if it can.
+    ``problems`` has why the pedal cannot be read between episodes, if it cannot.
     """
 
     def __init__(self, seat: InputConfig | None) -> None:
@@ -30,12 +30,12 @@ class EpisodePedal:
         self._source: Any = None
         self._since_s = 0.0
         self._pressed: deque[str] = deque(maxlen=_MOST)
-        self.problem = ""
+        self.problems: tuple[str, ...] = ()
 
     def types(self, key: str) -> bool:
         """Return whether a terminal key is also reported by the pedal, because the pedal is a keyboard."""
         seat = self._seat
-        if seat is None or self.problem or getattr(seat.options, "report", "") != "keyboard":
+        if seat is None or self.problems or getattr(seat.options, "report", "") != "keyboard":
             return False
         return seat.button in {None, key}
 
@@ -57,28 +57,26 @@ class EpisodePedal:
             source: Any = driver_class(self._seat.driver, "input")(self._seat.options)
             source.open()
         except TegaError as error:  # keys do as well
-            self.problem = error.message
+            self.problems = (error.message,)
         else:
-            self._source, self.problem = source, ""
+            self._source, self.problems = source, ()
 
     def close(self) -> None:
         """Close it, for a run to open it."""
         source, self._source = self._source, None
         self._pressed.clear()
-        self.problem = ""
+        self.problems = ()
         if source is not None:
             source.close()
 
     def presses(self) -> list[str]:
         """Return the buttons pressed since the last call."""
         found: list[str] = []
-        if self._source is not None:
+        if self._source is not None and self._seat is not None:
             with suppress(TegaError):
-                button = None if self._seat is None else self._seat.button
-                pressed = [
-                    e.button for e in self._source.events() if e.pressed and button in {None, e.button}
-                ]
-                found = pressed if time.monotonic() >= self._since_s else []
+                pressed = [event.button for event in self._source.events() if event.pressed]
+                if time.monotonic() >= self._since_s:
+                    found = [button for button in pressed if self._seat.button in {None, button}]
         while self._pressed:
             found.append(self._pressed.popleft())
         return found

@@ -91,11 +91,10 @@ class _Running:
 
 
 class EpisodeTaker:
-    """Records episodes in a session's folder until the operator ends it.
+    """Records episodes in a session's folder, new or with recordings, until the operator ends it.
 
-    The recording folder and output folder of ``config`` are ignored. ``folder`` is new, or holds recordings
-    already. ``pedals`` are one to three keys typed by a foot switch, or buttons of ``input.marker``,
-    separated by commas; they mean continue, discard, repeat. ``stop`` is asked all the time whether to end.
+    The recording folder and output folder of ``config`` are ignored. ``pedals`` are one to three keys typed by
+    a foot switch, or buttons of ``input.marker``, separated by commas; they mean continue, discard, repeat.
     ``settings`` is how the settings' file is named in what an error suggests. Another program that takes
     episodes there is a ``DeviceUnavailableError``, pedals that mean something else an ``InvalidValueError``.
     """
@@ -134,7 +133,8 @@ class EpisodeTaker:
                     break
                 line, again = self._episode(journal)
                 ended.append(line)
-                self._to_start()
+                if self._config.arm is not None and self._config.arm.start is not None:
+                    self._to_start()
         return ended
 
     def _received(self) -> list[str]:
@@ -164,7 +164,7 @@ class EpisodeTaker:
                     quitting = True
                     self._desk.say("q once more to end")
             big = f"Enter to start episode {journal.n_episodes + 1}"
-            self._desk.show(Screen("ready", heading, big, [last] if last else [], keys, self._wrong))
+            self._desk.show(Screen("ready", heading, big, [last] if last else [], keys, self._pedal.problems))
             time.sleep(_POLL_S)
 
     def _episode(self, journal: EpisodeJournal) -> tuple[EpisodeLine, bool]:
@@ -196,10 +196,6 @@ class EpisodeTaker:
         self._desk.say(f"episode {line.episode}: {line.step}" + (f": {why}" if why else ""))
         return line, wanted == AGAIN
 
-    @property
-    def _wrong(self) -> list[str]:
-        return [self._pedal.problem] if self._pedal.problem else []
-
     def _watch(self, running: _Running, number: int) -> str:
         """Show the episode until it ends; return the key that ended it, ``""`` for none yet."""
         keys = [("Enter", "end"), (DISCARD, "discard"), (AGAIN, "discard, and again")]
@@ -223,13 +219,11 @@ class EpisodeTaker:
             for key in self._received():
                 if key in {GO_ON, DISCARD, AGAIN}:
                     return key
-            self._desk.show(Screen("decide", heading, "keep it?", (), keys, self._wrong))
+            self._desk.show(Screen("decide", heading, "keep it?", (), keys, self._pedal.problems))
             time.sleep(_POLL_S)
 
     def _to_start(self) -> None:
-        """Move arm and hand to their start, if the settings have one. They move only with the dead-man switch held."""
-        if self._config.arm is None or self._config.arm.start is None:
-            return
+        """Move arm and hand to their start. They move only with the dead-man switch held."""
         self._pedal.close()
         found = RunningTask(start_task(self._config)).watch(
             self._received, lambda now: self._desk.show(doing(self._task, now))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal
 
 import msgspec
 
@@ -28,12 +28,11 @@ from tega_sim.streams import Streams
 from tega_sim.world import GRASP_POSES_RAD
 from tega_study.lead.rest_tasks import RestTask, squeeze_task, start_task
 from tega_study.lead.running_trial import Going
-from tega_study.masking_settings import MaskingSection
+from tega_study.masking_sound import MaskingSection
 from tega_study.plan import PlannedTrial, StudyPlan
 from tega_study.state import Where
 
 _POLL_S = 0.01
-_CONDITIONS = ("haptic", "non-haptic", "event-gated")
 
 
 def _mapping(condition: str, given: StageConfig) -> StageConfig:
@@ -45,37 +44,38 @@ def _mapping(condition: str, given: StageConfig) -> StageConfig:
     return given
 
 
-class TrialBench(Protocol):
+class TrialBench:
     """Place of a trial: the lab's devices, or the simulated bench.
 
     Attributes:
         sees_height: Whether it knows the object's height; else that is measured, or a person marks it.
         measures_height: Whether arm and fingertips measure lift and drop.
+        own_time: Whether time is the bench's own, not the clock's.
         closure: Reads how closed the hand is off its joints; ``None`` where they are not measured.
+        conditions: Those that can be applied here.
         measurable: Whether a scene camera records enough to measure the trials.
     """
 
-    where: Where
-    sees_height: bool
-    measures_height: bool
-    own_time: bool
-    closure: ClosureScale | None
-    rest_tasks: Sequence[RestTask]
-    measurable: bool
+    where: Where = "simulated"
+    sees_height = measures_height = own_time = measurable = False
+    closure: ClosureScale | None = None
+    rest_tasks: Sequence[RestTask] = ()
+    conditions: Sequence[str] = ("haptic", "non-haptic", "event-gated")
 
     def felt(self, condition: str) -> bool:
-        """Return whether the vest shows touch in a condition.
+        """Return whether the vest shows touch in a condition; ``InvalidValueError`` if it cannot be applied here."""
+        if condition not in self.conditions:
+            raise InvalidValueError(
+                f"condition {condition!r} cannot be run", f"plan with {', '.join(self.conditions)} only"
+            )
+        return condition != "non-haptic"
 
-        ``InvalidValueError`` if the condition cannot be applied here.
-        """
-        ...
-
-    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+    def run(self, trial: PlannedTrial, going: Going, folder: Path, /) -> None:
         """Run a trial until it is over; its recording goes into a new folder."""
-        ...
+        raise NotImplementedError
 
 
-class LabBench:
+class LabBench(TrialBench):
     """The devices of settings: opened for each trial, closed after it, recorded meanwhile.
 
     The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36). Of
@@ -83,9 +83,6 @@ class LabBench:
     are required. ``settings`` is how its file is named in what an error suggests; ``where`` is ``emulated``
     where the devices are emulators.
     """
-
-    sees_height = False
-    own_time = False
 
     def __init__(
         self, config: SessionConfig, *, settings: str = "SETTINGS.toml", where: Where = "lab"
@@ -97,26 +94,17 @@ class LabBench:
                 "set [emg] and [tactile.thumb]",
             )
         self._config = config
-        self.rest_tasks: Sequence[RestTask] = (squeeze_task(config, settings=settings),)
+        self.rest_tasks = (squeeze_task(config, settings=settings),)
         if config.arm is not None and config.arm.start is not None:
             self.rest_tasks = (*self.rest_tasks, start_task(config))
         self.masking: MaskingSection = config.guests.get("masking", MaskingSection())
         self.measurable = any(camera.lens is not None for camera in cameras_of(config))
         self.measures_height = config.arm is not None
         self._settings = settings
-        self.where: Where = where
-        self.closure: ClosureScale | None = None
+        self.where = where
         if hasattr(config.hand.options, "poses"):  # a hand that is steered on its own angles
             poses = config.hand.options.poses
             self.closure = ClosureScale(None if poses is None else load_poses(poses))
-
-    def felt(self, condition: str) -> bool:
-        """Return whether the vest shows touch."""
-        if condition not in _CONDITIONS:
-            raise InvalidValueError(
-                f"condition {condition!r} cannot be run", f"plan with {', '.join(_CONDITIONS)} only"
-            )
-        return condition != "non-haptic"
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Run a session of the devices for as long as the trial lasts."""
@@ -124,13 +112,11 @@ class LabBench:
 
         bus = Bus()
         bus.subscribe(MuscleCondition, going.muscles)
-        replace = msgspec.structs.replace
+        replace, stages = msgspec.structs.replace, self._config.stages
         # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
-        stages = self._config.stages
-        stages = replace(stages, mapping=_mapping(trial.condition, stages.mapping))
         config = replace(
             self._config,
-            stages=stages,
+            stages=replace(stages, mapping=_mapping(trial.condition, stages.mapping)),
             session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
@@ -151,7 +137,7 @@ class LabBench:
         )
 
 
-class SimulatedBench:
+class SimulatedBench(TrialBench):
     """The simulated bench with a simulated participant: for rehearsals. All of its data are simulated.
 
     The plan's seed and the person's id decide who the participant is. ``real_time`` keeps to the machine's
@@ -159,12 +145,8 @@ class SimulatedBench:
     ``key=value`` of the loop; they are written beside each trial's tables, in ``loop.toml``.
     """
 
-    where: Where = "simulated"
-    sees_height = True
-    measures_height = False
-    own_time = True
-    rest_tasks: Sequence[RestTask] = ()
-    measurable = False
+    sees_height = own_time = True
+    conditions = SESSION_CONDITIONS
 
     def __init__(
         self,
@@ -188,15 +170,7 @@ class SimulatedBench:
             TrialPlan.checked({"object": name})
         self._person = self._lab.person(first)
         self._fatigue = 0.0
-        self.closure: ClosureScale | None = ClosureScale(GRASP_POSES_RAD)
-
-    def felt(self, condition: str) -> bool:
-        """Return whether the vest shows touch."""
-        if condition not in SESSION_CONDITIONS:
-            raise InvalidValueError(
-                f"condition {condition!r} cannot be simulated", "plan with haptic, non-haptic and event-gated"
-            )
-        return condition != "non-haptic"
+        self.closure = ClosureScale(GRASP_POSES_RAD)
 
     def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
         """Have the simulated person lift the object once."""

@@ -10,7 +10,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
-from types import TracebackType
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Final, NamedTuple, Protocol, Self
 
 import click
@@ -21,7 +21,6 @@ from tega_study.lead.rest_tasks import RestTask
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
-    from rich.live import Live
 
 
 ENTER = "\n"
@@ -65,11 +64,9 @@ class Desk(Protocol):
         ...
 
 
-def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | TerminalDesk:
+def desk_for(stop: Callable[[], bool], *, alone: bool = False) -> LineDesk | _TerminalDesk:
     """Return the desk that fits where this runs."""
-    if sys.stdin.isatty() and sys.stderr.isatty():
-        return TerminalDesk(stop)
-    return LineDesk(stop, alone=alone)
+    return _TerminalDesk(stop) if sys.stdin.isatty() and sys.stderr.isatty() else LineDesk(stop, alone=alone)
 
 
 class LineDesk:
@@ -142,51 +139,34 @@ class LineDesk:
         raise KeyboardInterrupt
 
 
-class TerminalDesk:
+class _TerminalDesk:
     """A picture that is redrawn in place on stderr, and single keys."""
 
     def __init__(self, stop: Callable[[], bool] = lambda: False) -> None:
         from rich.console import Console
-
-        self._stop = stop
-        self._console = Console(stderr=True, highlight=False)
-        self._live: Live | None = None
-        self._keys: Keys | None = None
-
-    def __enter__(self) -> Self:
-        """Take the terminal."""
         from rich.live import Live
 
-        self._keys = Keys()
-        self._keys.__enter__()
+        self._stop, self._keys, self._open = stop, Keys(), ExitStack()
+        self._console = Console(stderr=True, highlight=False)
         self._live = Live(console=self._console, transient=True, auto_refresh=False)
-        self._live.start()
+
+    def __enter__(self) -> Self:
+        with ExitStack() as opened:
+            opened.enter_context(self._keys)
+            opened.enter_context(self._live)
+            self._open = opened.pop_all()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Give the terminal back."""
-        live, self._live = self._live, None
-        keys, self._keys = self._keys, None
-        if live is not None:
-            live.stop()
-        if keys is not None:
-            keys.__exit__(kind, error, trace)
+    def __exit__(self, *_error: object) -> None:
+        self._open.close()
 
     def show(self, screen: Screen) -> None:
-        """Redraw."""
-        if self._live is not None:
-            self._live.update(_panel(screen), refresh=True)
+        self._live.update(_panel(screen), refresh=True)
 
     def say(self, text: str) -> None:
-        """Print above the picture."""
         self._console.print(text, markup=False)
 
     def keys(self) -> list[str]:
-        """Return the keys pressed."""
-        if self._keys is None:
-            return []
         return [ENTER if key in {"\r", "\n"} else key for key in self._keys.read()]
 
     def line(self, prompt: str) -> str:

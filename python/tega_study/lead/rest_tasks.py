@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -25,19 +26,17 @@ _POLL_S = 0.02
 
 
 class RestTaskEnd(NamedTuple):
-    """Result of a task, in words, for the session's events; ``value`` is ``None`` where it has no number."""
+    """Result of a task for the session's events."""
 
     text: str = ""
     value: float | None = None
 
 
 class RestTask(NamedTuple):
-    """Task that a bench offers in a rest.
+    """Task that a bench offers in a rest; ``after_trials`` it begins by itself, if an experimenter leads.
 
-    Attributes:
-        run: Called with the running task, on which it shows its progress. The task ends it by raising
-            :class:`RestTaskEndedError`.
-        after_trials: Whether it begins by itself after each trial, if an experimenter leads.
+    ``run`` is called with the running task, on which it shows its progress; that ends it by raising
+    :class:`RestTaskEndedError`.
     """
 
     key: str
@@ -103,11 +102,10 @@ class RunningTask:
 
 def start_task(config: SessionConfig) -> RestTask:
     """Return the task, which begins by itself after each trial."""
-
-    def run(running: RunningTask) -> RestTaskEnd:
-        return RestTaskEnd(go_to_start(config, running))
-
-    return RestTask("h", "arm and hand to their start", "note", run, after_trials=True)
+    words = "arm and hand to their start"
+    return RestTask(
+        "h", words, "note", lambda shows: RestTaskEnd(go_to_start(config, shows)), after_trials=True
+    )
 
 
 SQUEEZE_S: Final = 3.0
@@ -117,20 +115,15 @@ _READY_S: Final = 1.0
 
 def squeeze_task(config: SessionConfig, *, settings: str) -> RestTask:
     """Return the task of a squeeze."""
-
-    def run(running: RunningTask) -> RestTaskEnd:
-        return measure_squeeze(config, running, settings=settings)
-
+    run = partial(_measure_squeeze, config, settings=settings)
     return RestTask("g", "a squeeze against the first", "squeeze", run)
 
 
-def measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> RestTaskEnd:
+def _measure_squeeze(config: SessionConfig, shows: Shows, *, settings: str) -> RestTaskEnd:
     """Have the person squeeze once.
 
-    Returns the mean over the channels of the amplitude as a share of the calibrated maximum, and the signal's
-    problems. It is the muscles' electrical amplitude, not a force. ``ConfigError`` if the settings have no
-    EMG; ``CalibrationError`` without a calibration for it, or with too few samples;
-    ``DeviceUnavailableError`` if the amplifier is missing or went away.
+    Returns the mean over the channels of the amplitude (electrical, not a force) as a share of the calibrated
+    maximum, and the signal's problems. ``CalibrationError`` without a calibration, or with too few samples.
     """
     if config.emg is None:
         raise ConfigError("a squeeze needs muscles: the settings have no [emg]", "set [emg]")

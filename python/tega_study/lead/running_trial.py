@@ -29,10 +29,9 @@ IN_AIR_M: Final = 0.03
 
 
 class LiftCheck(NamedTuple):
-    """State of the object at one reading.
+    """Height above the place where the object was grasped, 0 if nothing is held.
 
-    ``height_m`` is above the place where it was grasped, 0 if nothing is held. ``dropped_s`` is when it left
-    the hand in the air, at the reading that confirms it; else ``None``.
+    ``dropped_s`` is when it left the hand in the air, at the reading that confirms it; else ``None``.
     """
 
     height_m: float
@@ -62,8 +61,7 @@ class ArmLift:
         """Take in one reading of hand and arm; ``t_s`` is never less than before.
 
         ``arm_m`` is the height of the arm's end. ``touching``: whether any fingertip is in contact, ``None``
-        if none delivers frames now. ``level`` is the commanded closure level, ``None`` before the first;
-        ``closure`` the measured one, ``None`` without a measured hand.
+        if none delivers frames now. ``level`` is the commanded closure level, ``closure`` the measured one.
         """
         lag = 0.0 if level is None or closure is None or level <= 1 else level - closure
         unknown = touching is None and self._base_m is not None
@@ -83,12 +81,9 @@ SeenKind = Literal["height", "drop", "slip", "deformation", "mark"]
 
 
 class TrialSeen(NamedTuple):
-    """Height, slip or other event that the bench has seen in the trial, at ``t_s`` since its start.
+    """Height in metres (``value``), slip or other event, at ``t_s`` since the trial's start; ``mark`` is a pedal.
 
-    Attributes:
-        kind: ``height``, ``drop``, ``slip``, ``deformation`` or ``mark`` (a pedal).
-        value: Height, metres; for ``height`` only.
-        source: ``auto`` if the bench knows it, ``arm`` if it was measured by arm and fingertips.
+    ``source`` is ``auto`` if the bench knows it, ``arm`` if it was measured by arm and fingertips.
     """
 
     kind: SeenKind
@@ -101,13 +96,15 @@ class Going:
     """Passes signals and data of one trial between bench and lead. The bench's methods return at once.
 
     ``feel``: whether the vest shows touch in this trial; ``own_time``: whether time is the bench's own
-    (simulated), not the clock's; ``closure``: reads how closed the hand is off its joints, ``None`` where
-    they are not measured; ``measure_lift``: whether to measure lift and drop by arm and fingertips.
+    (simulated), not the clock's; ``closure``: reads how closed the hand is off its joints; ``measure_lift``:
+    whether to measure lift and drop by arm and fingertips.
 
     Attributes:
         state: A description of the preparation, then ``armed``, then ``active``.
-        started_ns: When the trial began, on the session's clock; ``None`` before.
-        zero_ns: When the bench's own count of time began, on the session's clock; ``None`` before.
+        started_ns: When the trial began, on the session's clock; ``zero_ns`` when the bench's own count did.
+        touch: Every new contact since the trial's start.
+        hand: State of hand and arm at each look at the loop since then.
+        condition: Condition of the muscles at each second of effort since then.
     """
 
     def __init__(
@@ -122,17 +119,17 @@ class Going:
         self._clock = clock
         self._lift = ArmLift() if measure_lift else None
         self._closure = closure
-        self._hand: list[HandRow] = []
+        self.hand: list[HandRow] = []
         self._feel = feel
         self._own_time = own_time
         self._go, self._over = threading.Event(), threading.Event()
         self._view_zero_ns = self._newest_ns = 0
         self._seen: deque[TrialSeen] = deque()
         self._rows: list[tuple[float, float, float, float]] = []
-        self._touch: list[TouchRow] = []
+        self.touch: list[TouchRow] = []
         self._newest_touch: dict[str, int] = {}
         self._presses = 0
-        self._muscles: list[MuscleCondition] = []
+        self.condition: list[MuscleCondition] = []
         self.state, self.reason = "preparing", ""
         self.alerts: tuple[str, ...] = ()
         self.started_ns: int | None = None
@@ -178,9 +175,9 @@ class Going:
                 self._newest_touch[finger] = at_ns
                 since_s, places = (at_ns - self._view_zero_ns) / 1e9, contact.centroid_xy
                 seen = int(contact.in_contact), contact.eda, contact.mass, contact.peak
-                self._touch.append(TouchRow(since_s, finger, *seen, *places))
+                self.touch.append(TouchRow(since_s, finger, *seen, *places))
         row = self._hand_row(t_s, view)
-        self._hand.append(row)
+        self.hand.append(row)
         fresh_ns = view.t_ns - round(SETTINGS.stale_s * 1e9)
         now = [contact.in_contact for contact in view.contacts.values() if contact.t_ns >= fresh_ns]
         self._measure(row, touching=any(now) if now else None)
@@ -217,7 +214,7 @@ class Going:
     def muscles(self, condition: MuscleCondition) -> None:
         """Take in the condition of the muscles, once a second of effort."""
         if self.started_ns is not None and not self._over.is_set():
-            self._muscles.append(condition)
+            self.condition.append(condition)
 
     def over(self) -> bool:
         """Return whether the trial is over."""
@@ -259,18 +256,6 @@ class Going:
             if not rows or row[0] - rows[-1][0] > 1e-3:
                 rows.append(row)
         return TouchCourse(*np.array(rows, dtype=np.float64).reshape(-1, 4).T)
-
-    def touch(self) -> list[TouchRow]:
-        """Return every new contact that a look at the loop has shown since the trial's start."""
-        return list(self._touch)
-
-    def hand(self) -> list[HandRow]:
-        """Return the state of hand and arm at each look at the loop since the trial's start."""
-        return list(self._hand)
-
-    def condition(self) -> list[MuscleCondition]:
-        """Return the condition of the muscles at each second of effort since the trial's start."""
-        return list(self._muscles)
 
 
 def in_thread(work: Callable[[], None]) -> tuple[threading.Thread, list[BaseException]]:

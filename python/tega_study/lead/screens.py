@@ -24,7 +24,8 @@ def waiting(
     """
     stop = ("q q", "stop here")
     if left_s > 0:
-        return Screen("rest", heading, f"rest  {_clock(left_s)}", before, [stop, *keys])
+        minutes, seconds = divmod(int(left_s + 0.999), 60)
+        return Screen("rest", heading, f"rest  {minutes}:{seconds:02d}", before, [stop, *keys])
     if not thing:
         return Screen("ready", heading, "Enter to end the session", before, [("Enter", "end"), *keys])
     big = f"put the {thing} in its place; Enter to begin"
@@ -79,11 +80,6 @@ def _about(led: LedTrial) -> str:
     return f"{how}   slips {n['slip']}   deformations {n['deformation']}   drops {n['drop']}"
 
 
-def _clock(left_s: float) -> str:
-    whole = max(0, int(left_s + 0.999))
-    return f"{whole // 60}:{whole % 60:02d}"
-
-
 GIVE_UP = "k"
 """Key that gives up a trial that was broken off, or that was to be done again."""
 
@@ -136,10 +132,8 @@ class TrialBefore:
         if key == "n":
             self.note(self._desk.line("note:"), source=EXPERIMENTER)
             return
-        over = self._repeated if key == GIVE_UP else None
-        if over is not None and self._explained(
-            "trial_end", "given up", over, status="skipped", success=False
-        ):
+        over, given_up = self._repeated if key == GIVE_UP else None, {"status": "skipped", "success": False}
+        if over is not None and self._explained("trial_end", "given up", over, **given_up):
             self._desk.say(f"trial {over[0]} is given up and has no data")
         if self.which is None:
             return

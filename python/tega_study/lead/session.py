@@ -41,10 +41,8 @@ class LeadOptions(NamedTuple):
         time_scale: Scale of all waits; below 1 for rehearsals, as noted in the events.
         answer_key: The key that the participant's pedal types at a beep, where the plan has a second task.
         auto: Go on by the clock and pass over the questions.
-        masking: Sounds already, and goes on from the first trial to the last whatever the condition; the
-            events record so. It plays the beeps of a second task too.
-        stop: Asked all the time whether to stop; a trial that goes on is then broken off for technical
-            reasons.
+        masking: Sounds already, and goes on to the last trial; it plays the beeps of a second task too.
+        stop: Asked all the time whether to stop; a running trial is then broken off for technical reasons.
     """
 
     task: Task = "lift"
@@ -134,7 +132,10 @@ class _Lead:
             self._before.note(f"rehearsal: waits are {self._scale:g} times as long")
         self._desk.say(f"Read to the participant: {INSTRUCTION}")
         n_done = 0
-        while self._questions() and (most is None or n_done < most):
+        while True:
+            self._questions()
+            if most is not None and n_done >= most:
+                break
             state = self._state
             number, attempt = state.next or (0, 0)
             trial = self._mine[number - 1] if number else None
@@ -163,6 +164,11 @@ class _Lead:
         phase = "over" if self._state.next is None else "stopped"
         self._telling.put(self._as_board(phase, None), at_once=True)
 
+    def _heading(self, trial: PlannedTrial | None, again: str = "") -> str:
+        if trial is None:
+            return f"{self._participant} · all trials are over"
+        return f"{self._participant} · trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
+
     # The parts of a session.
 
     def _check_masking(self, when: str) -> None:
@@ -185,9 +191,7 @@ class _Lead:
         now_ns = self._clock.now_ns()
         ended_ns = self._before.ended_ns(now_ns)
         until_ns = now_ns if ended_ns is None else ended_ns + round(rest_s * self._scale * 1e9)
-        again = ", again" if attempt > 1 else ""
-        where = "all trials are over" if trial is None else self._where(trial, again)
-        heading = f"{self._participant} · {where}"
+        heading = self._heading(trial, ", again" if attempt > 1 else "")
         quitting = False
         tasks = {} if trial is None else {task.key: task for task in self._bench.rest_tasks}
         offered = [(key, task.words) for key, task in tasks.items()]
@@ -224,9 +228,6 @@ class _Lead:
             )
             time.sleep(_POLL_S)
 
-    def _where(self, trial: PlannedTrial, again: str = "") -> str:
-        return f"trial {trial.trial} of {len(self._mine)}{again} · {trial.object}"
-
     def _rest_task(self, task: RestTask, heading: str) -> None:
         """Have the bench do something of a rest, and write down what came of it."""
         found = RunningTask(task).watch(
@@ -240,7 +241,11 @@ class _Lead:
 
     def _trial(self, trial: PlannedTrial, attempt: int) -> bool:
         """Lead a trial; whether it took place."""
-        window_s = self._plan.settings.window_s
+        settings, beeps = self._plan.settings, None
+        window_s = settings.window_s
+        if self._masking is not None and settings.probe:
+            at_s = beep_times(trial, attempt, seed=settings.seed or 0, until_s=window_s)
+            beeps = Beeps(self._masking, at_s, key=self._answer_key)
         led = self._led = LedTrial(
             self._folder,
             trial,
@@ -250,11 +255,11 @@ class _Lead:
             clock=self._clock,
             task=self._task,
             window_s=window_s,
-            stable=self._plan.settings.stable,
+            stable=settings.stable,
             time_scale=self._scale,
-            beeps=self._beeps(trial, attempt),
+            beeps=beeps,
         )
-        heading = f"{self._participant} · {self._where(trial)}"
+        heading = self._heading(trial)
         while not led.step(self._received()):
             going = led.going
             until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
@@ -286,15 +291,8 @@ class _Lead:
             )
         return True
 
-    def _beeps(self, trial: PlannedTrial, attempt: int) -> Beeps | None:
-        settings = self._plan.settings
-        if self._masking is None or not settings.probe:
-            return None
-        at_s = beep_times(trial, attempt, seed=settings.seed or 0, until_s=settings.window_s)
-        return Beeps(self._masking, at_s, key=self._answer_key)
-
-    def _questions(self) -> bool:
-        """Ask the questions that are due after a finished block; return True always, for the loop."""
+    def _questions(self) -> None:
+        """Ask the questions that are due after a finished block."""
         state = self._state
         left = {number for number, status in state.status.items() if status in {"planned", "running"}}
         if state.next is not None:
@@ -312,7 +310,6 @@ class _Lead:
                     requested.press(key)
                 self._telling.show(requested.screen(), self._as_board("questions", None))
                 time.sleep(_POLL_S)
-        return True
 
     def _received(self) -> list[str]:
         reported, typed = self._received_by_program(), self._desk.keys()

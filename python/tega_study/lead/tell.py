@@ -30,11 +30,11 @@ class SessionBoard(msgspec.Struct, frozen=True, kw_only=True):
     """State of a session, for the observers' consoles; all times are on the session's clock.
 
     Attributes:
-        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions`` or
-            ``over``.
+        phase: ``waiting``, ``rest``, ``ready``, ``countdown``, ``trial``, ``task``, ``questions``, ``over`` or
+            ``stopped``.
         trial: Number of the trial that goes on or comes next; 0 for none.
         n_over: Trials that need nothing more.
-        started_ns: When the running trial began; ``None`` where none runs.
+        started_ns: When the running trial began.
         until_ns: When the rest or the window is over; ``None`` where nothing ends by itself.
         n_told: How many commands of other programs were taken.
         health: Problems of the devices, one sentence each.

@@ -40,8 +40,6 @@ _KEYS: dict[str, Kind] = {"s": "slip", "d": "deformation"}
 
 
 class _TrialEnd(NamedTuple):
-    """End of a trial: when, in seconds from its start, its status, and why."""
-
     t_s: float
     status: Status
     why: str = ""
@@ -52,13 +50,10 @@ class LedTrial:
     """A trial from the moment the bench starts to make ready; :meth:`step` is called until it is over.
 
     ``task``: ``lift`` is over when the object has been held up, ``place`` when it has been put down as well.
-    The object has to be lifted within ``window_s``. ``stable`` is the reading of "stably raised"
-    (:data:`tega.stages.events.outcomes.StableReading`). ``beeps`` is the second task; ``None`` where there is
-    none.
+    The object has to be lifted within ``window_s``. ``beeps`` is the second task.
 
     Attributes:
-        phase: ``preparing``, ``countdown``, ``trial`` or ``over``.
-        left_s: Remaining time of the countdown.
+        phase: ``preparing``, ``countdown`` (``left_s`` remain), ``trial`` or ``over``.
         broke: What made it end before it had begun; ``""`` otherwise.
     """
 
@@ -187,7 +182,7 @@ class LedTrial:
                 self._add("drop", t_s, EXPERIMENTER)
                 return _TrialEnd(t_s, "failed_task", "dropped")
             elif key == "u":
-                self.undo()
+                undo_last(self.journal, self.trial.trial, self.attempt, t_ns=self.clock.now_ns())
             elif key == " ":
                 self._mark(t_s)
             elif key == END and t_s >= QUIET_S:
@@ -229,11 +224,9 @@ class LedTrial:
         """Keep lift-off and stable height, as observed and as keyed."""
         observed = ARM if self.bench.measures_height else "auto"
         for rule, source in ((self._observed, observed), (self._keyed, EXPERIMENTER)):
-            found: tuple[tuple[Kind, float | None], ...] = (
-                ("lift_off", rule.lift_off_s),
-                ("lifted", rule.held_s[1] if rule.held_s is not None and rule.lifted else None),
-            )
-            for kind, t_s in found:
+            held_s = rule.held_s[1] if rule.held_s is not None and rule.lifted else None
+            found: dict[Kind, float | None] = {"lift_off": rule.lift_off_s, "lifted": held_s}
+            for kind, t_s in found.items():
                 if t_s is not None and (kind, source) not in self._kept:
                     self._kept.add((kind, source))
                     self._add(kind, t_s, source)
@@ -257,20 +250,17 @@ class LedTrial:
         for seen in self.going.seen():  # what the bench says once it has ended
             if seen.kind in {"slip", "deformation"} and seen.t_s <= end.t_s:
                 self._add(seen.kind, seen.t_s, "auto")
-        for channel, median_hz in trial_medians(self.going.condition()).items():
+        for channel, median_hz in trial_medians(self.going.condition).items():
             self._add("muscles", end.t_s, "auto", item=channel, value=round(median_hz, 2))
         course = self.going.course()
         before = course.t_s <= end.t_s
-        path = course_path(self.folder, self.trial)
-        write_course(path, TouchCourse(*(column[before] for column in course)))
-        write_touch(self._where / TOUCH, [row for row in self.going.touch() if row.t_s <= end.t_s])
-        write_hand(self._where / HAND, [row for row in self.going.hand() if row.t_s <= end.t_s])
+        write_course(course_path(self.folder, self.trial), TouchCourse(*(one[before] for one in course)))
+        write_touch(self._where / TOUCH, [row for row in self.going.touch if row.t_s <= end.t_s])
+        write_hand(self._where / HAND, [row for row in self.going.hand if row.t_s <= end.t_s])
         if self._raised and end.status in WITH_DATA:
             end = end._replace(status="aborted_technical", why=_reported(self._raised[0]))
         lifted = success(self.rule, (event.kind for event in self.events()))
-        status = end.status
-        if status == "done" and not lifted:
-            status = "failed_task"
+        status = "failed_task" if end.status == "done" and not lifted else end.status
         self._add("trial_end", end.t_s, "auto", status=status, success=lifted, text=end.why)
         self.phase = "over"
 
@@ -282,16 +272,12 @@ class LedTrial:
         return (self.going.started_ns or 0) + round(t_s * 1e9)
 
     def _add(self, kind: Kind, t_s: float, source: str, **fields: Any) -> None:
-        number, attempt = self.trial.trial, self.attempt
-        self.journal.add(kind, t_ns=self._at(t_s), trial=number, attempt=attempt, source=source, **fields)
+        own = {"trial": self.trial.trial, "attempt": self.attempt, "source": source}
+        self.journal.add(kind, t_ns=self._at(t_s), **own, **fields)
 
     def events(self) -> list[JournalEvent]:
         """Return the events of this attempt that still count."""
         return counting(self.journal.events, self.trial.trial, self.attempt)
-
-    def undo(self) -> JournalEvent | None:
-        """Undo the experimenter's last addition to this attempt."""
-        return undo_last(self.journal, self.trial.trial, self.attempt, t_ns=self.clock.now_ns())
 
 
 def undo_last(journal: Journal, trial: int, attempt: int, *, t_ns: int) -> JournalEvent | None:

@@ -131,14 +131,10 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
             if any(times_a) or any(times_b) or blind:
                 lengths_s = [first[key].length_s for key in able]
                 one = agreement(kind, (a, b), times_a, times_b, lengths_s, tolerance_s=tolerance_s)
-                note = f"{DETECTOR}: {NOT_OBSERVABLE}" if blind else _why_empty(one)
+                note = f"{DETECTOR}: {NOT_OBSERVABLE}" if blind else ""
+                if not blind and not one.matched:
+                    without = [name for name, n in ((a, one.n_a), (b, one.n_b)) if not n]
+                    note = f"no event of {without[0]}" if without else ""
+                    note = note or f"none within {tolerance_s:g} s of the other's"
                 found.append(msgspec.structs.replace(one, note=note))
     return found
-
-
-def _why_empty(one: Agreement) -> str:
-    """Return why two accounts have no event in common; ``""`` if they have."""
-    if one.matched:
-        return ""
-    without = [name for name, n in ((one.a, one.n_a), (one.b, one.n_b)) if not n]
-    return f"no event of {without[0]}" if without else f"none within {one.tolerance_s:g} s of the other's"

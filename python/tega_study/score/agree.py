@@ -31,16 +31,12 @@ class Agreement(msgspec.Struct, frozen=True, kw_only=True):
     """Agreement of two accounts of the same trials, for one kind of event.
 
     Attributes:
-        a: Source of the first account, the reference of the delay.
-        b: Source of the second account.
         matched: Pairs within the tolerance, one to one.
         f1: ``2 matched / (n_a + n_b)``; ``None`` without any event.
         chance_f1: Mean of that when the second's events are turned round within each trial.
-        delay_s: Mean of second less first over the pairs.
-        delay_sd_s: Standard deviation of that; ``None`` below two pairs.
+        delay_s: Mean of ``b`` less ``a`` over the pairs.
         kappa: Cohen's, in bins of a second, all trials together; ``None`` where it is not defined.
-        icc: ICC(A,1) of the counts by trial.
-        icc_low: Lower end of its 95 % interval; ``icc_high`` is the upper.
+        icc: ICC(A,1) of the counts by trial, with its 95 % interval.
     """
 
     kind: str

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
 from tega.runtime.files.annotations import CodedEvent, check_times, known_code
@@ -32,16 +32,16 @@ def export_boris(folder: Path, path: Path) -> int:
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
-    accounts = list(_accounts(folder, read_plan(folder)))
+    plan = read_plan(folder)
+    accounts = list(_accounts(folder, plan))
     states = sorted({event.code for one in accounts for event in one.events if event.duration_s})
-    behaviours = _behaviours(read_plan(folder))
     project = boris_project(
         name=folder.name,
         description="trials of a study; times count from each trial's start",
-        behaviours=[BorisBehaviour(c, key, is_state=c in states) for c, key in behaviours.items()],
+        behaviours=[BorisBehaviour(c, key, is_state=c in states) for c, key in _behaviours(plan).items()],
         variables=("participant", "trial", "object"),
         observations={
-            one.name: boris_observation(
+            f"{one.stem}_{one.rater}" if one.rater else one.stem: boris_observation(
                 one.events, length_s=one.length_s, variables=one.variables, states=states
             )
             for one in accounts
@@ -80,11 +80,6 @@ class _Account(NamedTuple):
     length_s: float
     variables: dict[str, str]
 
-    @property
-    def name(self) -> str:
-        """Name of the observation."""
-        return f"{self.stem}_{self.rater}" if self.rater else self.stem
-
 
 def _accounts(folder: Path, plan: StudyPlan) -> Iterator[_Account]:
     for person in plan.participants:
@@ -92,26 +87,22 @@ def _accounts(folder: Path, plan: StudyPlan) -> Iterator[_Account]:
         if detected := read_detected(folder, person):
             raters[DETECTOR] = detected
         mine = {trial.trial: trial for trial in plan.of(person)}
-        for start, end in attempts(read_events(events_path(folder, person))):
+        for start, end in ended_attempts(folder, person).values():
             trial = mine[start.trial]
             variables = {"participant": person, "trial": str(trial.trial), "object": trial.object}
             for rater, events in raters.items():
                 found = [
                     CodedEvent(
-                        (e.t_ns - start.t_ns) / 1e9, "", _code(e), e.modifiers, e.text, e.duration_s or 0.0
+                        (e.t_ns - start.t_ns) / 1e9, "", code, e.modifiers, e.text, e.duration_s or 0.0
                     )
                     for e in counting(events, trial.trial, start.attempt)
-                    if _code(e)
+                    if (code := e.item if e.kind == "behaviour" else e.kind if e.kind in CODES else "")
                 ]
-                length_s = (end.t_ns - start.t_ns) / 1e9
-                yield _Account(
-                    f"{person}_t{trial.trial:02d}_a{start.attempt}", rater, found, length_s, variables
+                stem, length_s = (
+                    f"{person}_t{trial.trial:02d}_a{start.attempt}",
+                    (end.t_ns - start.t_ns) / 1e9,
                 )
-
-
-def _code(event: JournalEvent) -> str:
-    """Return the behaviour that an event is; ``""`` for another kind of event."""
-    return event.item if event.kind == "behaviour" else event.kind if event.kind in CODES else ""
+                yield _Account(stem, rater, found, length_s, variables)
 
 
 def _behaviours(plan: StudyPlan) -> dict[str, str]:
@@ -143,7 +134,7 @@ def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     for person, trials in by_person.items():
         plan.of(person)
         check_new(folder, person, rater)
-        ran = {(s.trial, s.attempt): (s, e) for s, e in attempts(read_events(events_path(folder, person)))}
+        ran = ended_attempts(folder, person)
         for key, accounts in trials.items():
             if key not in ran:
                 raise RecordingError(f"{path.name}: trial {key[0]} of {person} was not run")
@@ -186,6 +177,11 @@ def _named(path: Path, events: Sequence[CodedEvent], known: Sequence[str]) -> li
     return named
 
 
+def ended_attempts(folder: Path, person: str) -> dict[tuple[int, int], tuple[JournalEvent, JournalEvent]]:
+    """Return start and end of every attempt of a session that has ended, by trial and attempt."""
+    return {(s.trial, s.attempt): (s, e) for s, e in attempts(read_events(events_path(folder, person)))}
+
+
 class CodedTrial(NamedTuple):
     """Trial as a rater coded it, ``whole`` or in part; its behaviours are of :data:`CODES` or of the plan."""
 
@@ -203,20 +199,18 @@ def write_coded(
         first_ns = min(one.start.t_ns for one in trials)
         journal.add("session_start", t_ns=first_ns, source=rater, text=signed, item=item)
         for start, end, coded, whole in trials:
-            rows = [_coded_fields(event, start.t_ns) for event in coded]
+            rows = [
+                {
+                    "kind": event.code if event.code in CODES else "behaviour",
+                    "t_ns": start.t_ns + round(event.t_s * 1e9),
+                    "text": event.comment,
+                    "item": "" if event.code in CODES else event.code,
+                    "duration_s": event.duration_s or None,
+                    "modifiers": event.modifiers,
+                }
+                for event in coded
+            ]
             journal.add_attempt((start, end), rater, rows, text=WHOLE if whole else PART)
-
-
-def _coded_fields(event: CodedEvent, start_ns: int) -> dict[str, Any]:
-    own = event.code in CODES
-    return {
-        "kind": event.code if own else "behaviour",
-        "t_ns": start_ns + round(event.t_s * 1e9),
-        "text": event.comment,
-        "item": "" if own else event.code,
-        "duration_s": event.duration_s or None,
-        "modifiers": event.modifiers,
-    }
 
 
 def _of_one(

@@ -44,10 +44,10 @@ class _FilmFile:
 
 
 class SceneReel:
-    """Pictures of scene recordings at moments of one trial after another.
+    """Pictures of scene recordings at moments of one trial after another; ``cameras`` has their names, sorted.
 
     ``paths`` are files that ``scene record`` wrote on the machine of the sessions, or recordings that hold
-    scene video. ``cameras`` has their names, sorted.
+    scene video.
     """
 
     def __init__(self, paths: Sequence[Path]) -> None:

@@ -24,12 +24,12 @@ from tega.runtime.files.foreign_file import parse_json, plain_name, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.record import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import attempts, counting, events_path, read_events
+from tega_study.journal import counting, events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, check_new
 from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
-from tega_study.score.boris import CODES, CodedTrial, write_coded
+from tega_study.score.boris import CODES, CodedTrial, ended_attempts, write_coded
 from tega_study.score.clip_video import RATE_HZ, SceneReel, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.study_notes import staying, withdrawn_ids
@@ -47,10 +47,7 @@ _NO_FINGER: Final = "several"
 
 
 class Proposal(msgspec.Struct, frozen=True):
-    """Event that a rule or the detector proposes, ``t_s`` from the trial's start.
-
-    ``source`` is :data:`RULE` or ``detector``; ``confidence`` is 0 to 1, and 1 of the rule.
-    """
+    """Event that the rule or the detector proposes, ``t_s`` from the trial's start, with a confidence of 0 to 1."""
 
     source: str
     kind: str
@@ -70,12 +67,7 @@ class RaterClip(msgspec.Struct, frozen=True):
 
 
 class ClipKey(msgspec.Struct, frozen=True, kw_only=True):
-    """Key of a rater's clips.
-
-    Attributes:
-        plan: Fingerprint of the study's plan.
-        left_out: Trials without a recording that can be shown, and why.
-    """
+    """Key of a rater's clips: ``plan`` is the SHA-256 of the study's, ``left_out`` what cannot be shown, and why."""
 
     format: Literal["tega-clips"] = "tega-clips"
     version: Literal[1] = 1
@@ -103,10 +95,9 @@ def make_clips(
 ) -> ClipKey:
     """Write clips and a project for a new rater; return their key, which is kept in the study's folder.
 
-    ``out`` must not exist, or be empty. ``proposals`` puts what rule and detector found into the project.
-    ``scenes`` are scene recordings of the sessions, made on their machine; none to use the films in the
-    trials' recordings. ``reported`` gets the number of finished clips and the total. If no trial can be shown
-    there is a ``DeviceUnavailableError``.
+    ``out`` must not exist, or be empty. ``scenes`` are scene recordings of the sessions, made on their machine;
+    none to use the films in the trials' recordings. ``reported`` gets the number of finished clips and the
+    total. If no trial can be shown there is a ``DeviceUnavailableError``.
     """
     plan, key = read_plan(folder), key_path(folder, rater)
     if key.exists():
@@ -122,7 +113,11 @@ def make_clips(
         name = f"clip-{n:03d}"
         video = out / f"{name}.avi"
         try:
-            scene = filmed or _own_scene(trial)
+            scene = filmed
+            # Not of the simulated bench, and with scene cameras of the settings.
+            if filmed is None and any(trial.folder.glob("*.mcap")):
+                recording = own_recording(trial.folder)
+                scene = SceneReel([recording]) if filmed_cameras(McapReader(recording)) else None
             length_s = write_clip(trial, video, scene)
         except RecordingError as error:
             left_out.append(f"{trial.id}: {error.message}")
@@ -162,14 +157,6 @@ def make_clips(
     write_whole(key, msgspec.json.format(msgspec.json.encode(made)) + b"\n")
     write_whole(out / f"{rater}.boris", project)
     return made
-
-
-def _own_scene(trial: RecordedTrial) -> SceneReel | None:
-    """Return what scene cameras of the settings filmed into a trial's recording; ``None`` without any."""
-    if not any(trial.folder.glob("*.mcap")):
-        return None  # of the simulated bench
-    recording = own_recording(trial.folder)
-    return SceneReel([recording]) if filmed_cameras(McapReader(recording)) else None
 
 
 def _displayed(folder: Path, rater: str) -> tuple[list[tuple[str, RecordedTrial]], list[str]]:
@@ -234,13 +221,10 @@ _SAME_S: Final = 0.05
 
 
 class TakenClips(msgspec.Struct, frozen=True, kw_only=True):
-    """Summary of a rater's project that was taken in.
+    """Summary of a rater's project that was taken in: clips by person, and events without a proposal.
 
-    Attributes:
-        trials: Clips taken in, by person.
-        unfinished: Clips with an undecided proposal; they count in no comparison.
-        added: Events without a proposal.
-        proposals: By who proposed, how many were confirmed, moved, rejected and left open.
+    Clips with an undecided proposal count in no comparison. ``proposals`` has, by who proposed, how many were
+    confirmed, moved, rejected and left open.
     """
 
     trials: dict[str, int]
@@ -271,10 +255,7 @@ def take_clips(folder: Path, path: Path, rater: str) -> TakenClips:
         if clip.participant in gone:
             continue
         check_new(folder, clip.participant, rater)
-        ran = {
-            (start.trial, start.attempt): (start, end)
-            for start, end in attempts(read_events(events_path(folder, clip.participant)))
-        }
+        ran = ended_attempts(folder, clip.participant)
         if (clip.trial, clip.attempt) not in ran:
             raise RecordingError(f"{key_path(folder, rater)}: {clip.name} is of no trial that was run")
         start, end = ran[clip.trial, clip.attempt]
@@ -319,8 +300,7 @@ def _coded(
             found.append((None, event))
             continue
         verdict = next((m for m in event.modifiers if m in VERDICTS), OPEN)
-        apart = abs(event.t_s - clip.proposals[n].t_s) > _SAME_S
-        if verdict != "rejected" and apart:
+        if verdict != "rejected" and abs(event.t_s - clip.proposals[n].t_s) > _SAME_S:
             verdict = "moved"
         elif verdict == "moved":
             verdict = "confirmed"

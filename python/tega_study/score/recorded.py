@@ -32,10 +32,8 @@ from tega_study.plan import read_plan
 class RecordedTrial(NamedTuple):
     """A trial with a recording, without its condition.
 
-    Attributes:
-        trial: Its number in the plan, which is hidden from raters.
-        start_ns: On the session's clock.
-        zero_ns: The trial's start, counted from the recording's.
+    ``trial``, its number in the plan, is hidden from raters. ``start_ns`` is on the session's clock,
+    ``zero_ns`` the trial's start, counted from the recording's.
     """
 
     id: str
@@ -76,12 +74,8 @@ def recorded_trials(folder: Path, participant: str) -> tuple[list[RecordedTrial]
         except RecordingError as error:
             unseen.append(f"{trial.id}: {error.message}")
             continue
-        length_ns = max(end.t_ns - start.t_ns, 1)
-        found.append(
-            RecordedTrial(
-                trial.id, trial.trial, start.attempt, trial.object, start.t_ns, length_ns, zero_ns, where
-            )
-        )
+        key, length_ns = (trial.id, trial.trial, start.attempt), max(end.t_ns - start.t_ns, 1)
+        found.append(RecordedTrial(*key, trial.object, start.t_ns, length_ns, zero_ns, where))
     return found, unseen
 
 
@@ -114,13 +108,11 @@ _SHORT_NS = 500_000_000
 
 
 class _Strip(NamedTuple):
-    """A fingertip's pictures as JPEG, rising in time."""
-
     t_ns: list[int]
     jpegs: list[bytes]
 
 
-class ReelTruth(NamedTuple):
+class _Truth(NamedTuple):
     """State of the object on the simulated bench, which has no pictures."""
 
     height_m: float
@@ -129,9 +121,8 @@ class ReelTruth(NamedTuple):
 
 
 class Reel:
-    """A recording, ready to be looked at. Times count from the trial's start, nanoseconds.
+    """A recording, ready to be looked at: pictures by finger, or the truth. Times count from the trial's start.
 
-    ``strips`` are pictures by finger. ``truth_t_ns`` rises, and is empty outside the simulated bench.
     ``boot_ns`` is the time of day at which the machine's clock was 0; ``None`` on the simulated bench.
     ``fingers`` has those with a picture, thumb first.
     """
@@ -140,7 +131,7 @@ class Reel:
         self,
         strips: dict[str, _Strip],
         truth_t_ns: Sequence[int] = (),
-        truth: Sequence[ReelTruth] = (),
+        truth: Sequence[_Truth] = (),
         *,
         boot_ns: int | None = None,
     ) -> None:
@@ -238,8 +229,7 @@ def _of_bench(trial: RecordedTrial) -> Reel:
         text = read_words(trial.folder / "truth.csv", most_mib=256)
         for row in csv.DictReader(io.StringIO(text, newline="")):
             truth_t_ns.append(round(float(row["t_s"]) * 1e9))
-            numbers = (float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))
-            truth.append(ReelTruth(*numbers))
+            truth.append(_Truth(*(float(row[n]) for n in ("object_height_m", "slip_m", "deformation_m"))))
     except (OSError, ValueError, OverflowError, KeyError, TypeError, csv.Error) as error:
         raise RecordingError(f"truth.csv is damaged: {error}") from error
     _reaches(trial, truth_t_ns[-1] if truth_t_ns else 0)

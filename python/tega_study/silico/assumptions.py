@@ -42,9 +42,8 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
 
     Attributes:
         version: Of the program that ran it.
-        frozen: Whether that is the file that was frozen before the first run; else it is a changed one.
-        everyone: Parameters, ``section.name``, that everybody had the same value of, instead of the
-            population's.
+        frozen: Whether the parameter file is the one that was frozen before the first run.
+        everyone: Parameters, ``section.name``, that everybody had the same value of.
         settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.
         people_sha256: Of the people's parameters and, from version 2, the version of their rules; empty in
             older studies.
@@ -88,8 +87,8 @@ def assume(
     preset: Literal["paper", "live"] = "live",
     settings: tuple[str, ...] = (),
     view: ViewName = "direct",
-) -> tuple[Assumptions, bytes]:
-    """Return a study's assumptions, and the content of its parameter file.
+) -> tuple[Assumptions, dict[str, bytes]]:
+    """Return a study's assumptions, and by name both files that state them.
 
     ``ConfigError`` if ``everyone`` has an unknown or out-of-range parameter, or a setting is not the loop's.
     """
@@ -116,7 +115,8 @@ def assume(
         view=view,
         code_sha256=code_sha256(),
     )
-    return stated, content
+    text = tree_text(msgspec.to_builtins(stated))
+    return stated, {SIMULATION: text.encode(), PARAMETERS: content}
 
 
 def code_sha256(root: Path = PACKAGE) -> str:
@@ -127,11 +127,6 @@ def code_sha256(root: Path = PACKAGE) -> str:
             content = path.read_bytes()
             digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode() + content)
     return digest.hexdigest()
-
-
-def assumption_files(stated: Assumptions, parameters: bytes) -> dict[str, bytes]:
-    """Return both files by name."""
-    return {SIMULATION: tree_text(msgspec.to_builtins(stated)).encode(), PARAMETERS: parameters}
 
 
 def read_assumptions(folder: Path) -> Assumptions | None:

@@ -51,9 +51,8 @@ class SensitivityRow(msgspec.Struct, frozen=True, kw_only=True):
     """One changed assumption, and the directions that a study finds under it.
 
     Attributes:
-        what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``.
-        setting: Its value as text.
-        end: Where the value lies: ``low`` or ``high`` for a parameter, else empty.
+        what: ``base``, a parameter's ``section.name``, ``arm`` or ``reading``; ``setting`` is its value.
+        end: Where a parameter's value lies.
     """
 
     what: str
@@ -85,10 +84,9 @@ def run_sensitivity(
     """Run the small studies that are not finished; return the names of the changes left to other shards.
 
     ``folder`` has a study in silico, not changed itself; its seed, objects and parameter file are used.
-    ``trials`` are per person, object and condition. ``varied`` are parameters, ``section.name``; the arms and
-    the printed readings come always, and first. ``jobs``, ``shard``, ``dask`` and ``progress`` are those of
-    :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a parameter is not known,
-    ``InvalidValueError`` if a change was begun before with other people or trials.
+    ``varied`` are parameters, ``section.name``; the arms and the printed readings come always, and first. The
+    last four arguments are those of :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a
+    parameter is not known, ``InvalidValueError`` if a change was begun before with other people or trials.
     """
     stated = read_assumptions(folder)
     if stated is None:
@@ -97,10 +95,9 @@ def run_sensitivity(
         raise InvalidValueError(f"{folder}: is a changed study itself", "name the study it was changed from")
     settings = read_plan(folder).settings
     part, parts = shard
-    changes = _changes(folder, varied)
     todo: list[SessionJob] = []
     made = []
-    for change in changes:
+    for change in _changes(folder, varied):
         where = folder / SENSITIVITY / change.name
         plan, small = made_study(
             where,
@@ -114,14 +111,14 @@ def run_sensitivity(
             preset=change.preset,
             view=stated.view,
         )
-        made.append((change, where, plan))
-        if (len(made) - 1) % parts == part - 1:
+        if len(made) % parts == part - 1:
             todo += jobs_of(where, plan, small, plan.participants, pictures=False)
+        made.append((where, plan))
     run_sessions(todo, workers=jobs, dask=dask, progress=progress)
     left = []
-    for change, where, plan in made:
+    for where, plan in made:
         if unfinished(where, plan):
-            left.append(change.name)
+            left.append(where.name)
         else:
             shutil.rmtree(where / RUNNING, ignore_errors=True)
     return left

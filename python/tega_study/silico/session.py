@@ -40,9 +40,8 @@ RUNNING = ".running"
 
 
 class SessionJob(NamedTuple):
-    """Inputs of one simulated session, to be sent to other processes and machines.
+    """Inputs of one simulated session, to be sent to other processes and machines; ``folder`` is on this one.
 
-    ``folder`` is on the machine that asks; ``parameters`` is the population that the person is drawn from.
     With ``pictures`` one of a fingertip of each object's first felt lift is kept.
     """
 
@@ -109,7 +108,12 @@ def _go(job: SessionJob, folder: Path) -> None:
             felt = job.pictures and trial.condition == job.settings.conditions[0]
             if felt and trial.object not in pictured:
                 pictured.add(trial.object)
-                _picture(folder, trial, streams, lab)
+                if found := streams.firmest():
+                    finger, touch = found
+                    full = lab.touch[finger]
+                    maxima = full.cci_max or 0.0, full.eda_max or 0.0
+                    picture = FingerPicture(finger, lab.preset, lab.baselines[finger], touch, *maxima)
+                    write_touch_picture(picture_path(folder, trial), picture)
 
 
 def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
@@ -148,17 +152,6 @@ def _keep(journal: Journal, trial: PlannedTrial, start_ns: int, result: TrialRes
         success=result.success,
         source="auto",
     )
-
-
-def _picture(folder: Path, trial: PlannedTrial, streams: Streams, lab: Lab) -> None:
-    found = streams.firmest()
-    if found is None:
-        return
-    finger, touch = found
-    full = lab.touch[finger]
-    maxima = full.cci_max or 0.0, full.eda_max or 0.0
-    picture = FingerPicture(finger, lab.preset, lab.baselines[finger], touch, *maxima)
-    write_touch_picture(picture_path(folder, trial), picture)
 
 
 def _course(streams: Streams) -> TouchCourse:

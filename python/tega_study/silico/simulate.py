@@ -18,7 +18,7 @@ from tega_sim.trials import over_cores
 from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
-from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume, assumption_files, code_sha256
+from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume, code_sha256
 from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 from tega_study.state import derive
 
@@ -46,13 +46,9 @@ def run_sessions(
     """
     if not jobs:
         return
-    total, done = sum(len(job.trials) for job in jobs), 0
-    finished: Iterator[tuple[SessionJob, dict[str, bytes]]]
-    with _watched(jobs, total, progress, on=not dask) as count:
-        finished = (
-            _over_dask(jobs, dask) if dask else over_cores(_session, jobs, workers or os.cpu_count() or 1)
-        )
-        for job, files in finished:
+    done, n_workers = 0, workers or os.cpu_count() or 1
+    with _watched(jobs, progress, on=not dask) as count:
+        for job, files in _over_dask(jobs, dask) if dask else over_cores(_session, jobs, n_workers):
             keep_session(job, files)
             done += len(job.trials)
             count(done)
@@ -98,11 +94,9 @@ def _about() -> str:
 
 
 @contextmanager
-def _watched(
-    jobs: Sequence[SessionJob], total: int, progress: Progress, *, on: bool
-) -> Iterator[Callable[[int], None]]:
+def _watched(jobs: Sequence[SessionJob], progress: Progress, *, on: bool) -> Iterator[Callable[[int], None]]:
     """Report progress in trials: finished sessions, and the written courses of running ones."""
-    n_over, ended = 0, threading.Event()
+    total, n_over, ended = sum(len(job.trials) for job in jobs), 0, threading.Event()
 
     def notify(done: int) -> None:
         nonlocal n_over
@@ -126,8 +120,7 @@ def _watched(
 
 
 def _written(job: SessionJob) -> int:
-    folder = job.folder / RUNNING / job.person / "courses" / job.person
-    return sum(1 for _ in folder.glob("*.csv")) if folder.is_dir() else 0
+    return sum(1 for _ in (job.folder / RUNNING / job.person / "courses" / job.person).glob("*.csv"))
 
 
 def ensure_plan(plan: StudyPlan, folder: Path, files: Mapping[str, bytes] = {}) -> None:
@@ -168,11 +161,9 @@ def simulate(
 ) -> StudyPlan:
     """Run a whole study with simulated people, or the sessions that are not finished.
 
-    ``folder`` is new, or of the same study; ``jobs`` of 0 takes as many processes as there are cores.
-    ``shard`` is ``(i, n)``: only the i-th of n parts of the people, from 1. ``dask`` is the address of a
-    scheduler, whose workers are used instead of this machine's cores; ``DeviceUnavailableError`` if none
-    answers there. ``progress`` gets the number of finished trials. ``requested`` are other arguments of
-    :func:`made_study`.
+    ``folder`` is new, or of the same study. ``shard`` is ``(i, n)``: only the i-th of n parts of the people,
+    from 1. ``jobs`` are the ``workers`` of :func:`run_sessions`, as are ``dask`` and ``progress``;
+    ``requested`` are other arguments of :func:`made_study`.
     """
     part, parts = shard
     if not 1 <= part <= parts:
@@ -217,8 +208,8 @@ def made_study(
     settings: dict[str, Any] = {"objects": list(objects), "conditions": conditions, "trials": trials}
     plan = make_plan(participants=operators, seed=seed, simulated=True, **settings)
     specs = objects if isinstance(objects, Mapping) else {name: OBJECTS[name] for name in objects}
-    stated, content = assume(specs, **assumed)
-    ensure_plan(plan, folder, assumption_files(stated, content))
+    stated, files = assume(specs, **assumed)
+    ensure_plan(plan, folder, files)
     return plan, stated
 
 
