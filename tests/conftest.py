@@ -251,7 +251,7 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module", autouse=True)
 def _few_studies_are_drawn(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Draw few studies for what a report says of the next one: test_study_power.py shows what the draws find."""
+    """Draw few studies for what a report says of the next one: test_study_stats.py shows what the draws find."""
     with pytest.MonkeyPatch.context() as patch:
         if request.path.parent.name == "tega_study":
             patch.setattr("tega_study.power._RUNS", 20)

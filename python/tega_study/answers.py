@@ -24,7 +24,7 @@ from tega_study.coupling import (
     response_slope,
     transitions,
 )
-from tega_study.people import sign_flip
+from tega_study.people import finite, sign_flip
 from tega_study.trials import Trial
 
 MOST_LAG_S = 1.0
@@ -35,7 +35,7 @@ class TrialCoupling(msgspec.Struct, frozen=True, kw_only=True):
     """One trial's correlation of the pose with one signal.
 
     Attributes:
-        n_eff: Independent samples that they are worth.
+        n_eff: Independent samples that ``samples`` are worth.
         r: Pearson, lag 0; ``None`` where a series does not change. ``low`` to ``high`` is its 95 % interval.
         r_others: Mean with the touch of the person's other trials of this object and condition.
         p_others: Share of those pairings, and this one, that reach ``r``: one-sided, 1 / number at least.
@@ -159,13 +159,13 @@ def _by_trial(use: Sequence[Trial], even: Mapping[str, TouchCourse], signal: str
                 condition=trial.condition,
                 signal=signal,
                 samples=found.n,
-                n_eff=_number(found.n_eff),
-                r=_number(found.r),
-                low=_number(found.low),
-                high=_number(found.high),
-                r_others=_number(fisher_mean(null)),
+                n_eff=finite(found.n_eff),
+                r=finite(found.r),
+                low=finite(found.low),
+                high=finite(found.high),
+                r_others=finite(fisher_mean(null)),
                 p_others=share if null and not math.isnan(found.r) else None,
-                slope=_number(response_slope(pose, touch)),
+                slope=finite(response_slope(pose, touch)),
             )
     return [rows[trial.id] for trial in use]
 
@@ -183,7 +183,7 @@ def _arm(
     pairs = [(even[t.id].pose, getattr(even[t.id], signal)) for t in use if t.condition == condition]
     most = round(MOST_LAG_S * GRID_HZ)
     sweeps = [[r for _, r in lag_sweep(pose, touch, most=most)] for pose, touch in pairs]
-    curve = [_number(fisher_mean(rs)) for rs in zip(*sweeps, strict=True)]
+    curve = [finite(fisher_mean(rs)) for rs in zip(*sweeps, strict=True)]
     lags_s = tuple(lag / GRID_HZ for lag in range(-most, most + 1))
     known = [(r, lag_s) for r, lag_s in zip(curve, lags_s, strict=True) if r is not None]
     rs = [row.r for row in mine if row.r is not None]
@@ -193,12 +193,12 @@ def _arm(
         signal=signal,
         trials=len(mine),
         people=len({row.participant for row in mine}),
-        r=_number(fisher_mean(_by_person(mine, "r").values())),
+        r=finite(fisher_mean(_by_person(mine, "r").values())),
         lowest=min(rs),
         positive=sum(r > 0 for r in rs) / len(rs),
-        r_pooled=_number(pooled),
-        r_others=_number(fisher_mean(_by_person(mine, "r_others").values())),
-        slope=_number(_average(_by_person(mine, "slope").values())),
+        r_pooled=finite(pooled),
+        r_others=finite(fisher_mean(_by_person(mine, "r_others").values())),
+        slope=finite(_average(_by_person(mine, "slope").values())),
         lags_s=lags_s,
         lag_r=tuple(curve),
         peak_lag_s=max(known)[1] if known else None,
@@ -253,7 +253,7 @@ def _pose_use(
                 intermediate=float(shares[1:4].sum()),
                 transitions=float(changes[0]),
                 transitions_intermediate=float(changes[1]),
-                silent=_number(_average(silent)),
+                silent=finite(_average(silent)),
             )
         )
     return found
@@ -268,7 +268,3 @@ def _silent(trial: Trial, course: TouchCourse) -> float | None:
 
 def _average(values: Collection[float]) -> float:
     return sum(values) / len(values) if values else math.nan
-
-
-def _number(value: float) -> float | None:
-    return value if math.isfinite(value) else None

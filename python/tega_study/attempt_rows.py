@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from tega.errors import RecordingError
 from tega.haptics import FINGERS
@@ -23,14 +23,9 @@ _TIPS = tuple(f"{finger}_mm" for finger in FINGERS)
 
 
 class TouchRow(NamedTuple):
-    """A measured frame of a fingertip.
+    """A measured frame of a fingertip, ``t_s`` since the trial's start; area (Eq 4) and centroid in pixels.
 
-    Attributes:
-        t_s: Since the trial's start.
-        in_contact: 1 where something is touched.
-        eda: Contact area, pixels (Eq 4).
-        mass: Sum of the pressure map; ``peak`` is its largest value.
-        x: Centroid, pixels; so is ``y``.
+    ``mass`` is the sum of the pressure map, ``peak`` its largest value.
     """
 
     t_s: float
@@ -44,14 +39,13 @@ class TouchRow(NamedTuple):
 
 
 class HandRow(NamedTuple):
-    """State of hand and arm at one moment, ``t_s`` since the trial's start.
+    """State of hand and arm at one moment, ``t_s`` since the trial's start; ``None`` for what is not measured.
 
     Attributes:
         level: Closure level asked for, 1 to 5; ``None`` before the first.
-        closure: Measured at the joints, levels with fractions; ``None`` where no hand is read.
-        height_m: Of the arm's end; ``None`` if no arm is measured.
-        tips_mm: Height of each fingertip over the palm by the joints, thumb first; ``None`` where no hand is
-            read.
+        closure: Measured at the joints, levels with fractions.
+        height_m: Of the arm's end.
+        tips_mm: Height of each fingertip over the palm by the joints, thumb first.
     """
 
     t_s: float
@@ -71,26 +65,22 @@ def recording_folder(folder: Path, trial: PlannedTrial, attempt: int) -> Path:
 
 def write_touch(path: Path, rows: Sequence[TouchRow]) -> None:
     """Write frames."""
-    text = ",".join(TouchRow._fields) + "\n"
-    text += "".join(
-        f"{r.t_s:.4f},{r.finger},{r.in_contact},{r.eda:g},{r.mass:.5g},{r.peak:.5g},{r.x:.2f},{r.y:.2f}\n"
-        for r in rows
-    )
-    write_whole(path, text)
+    _write(path, TouchRow._fields, rows, (".4f", "", "d", "g", ".5g", ".5g", ".2f", ".2f"))
 
 
 def write_hand(path: Path, rows: Sequence[HandRow]) -> None:
     """Write rows of hand and arm."""
-    text = ",".join((*HandRow._fields[:-1], *_TIPS)) + "\n"
+    cells = ((*row[:-1], *(row.tips_mm or (None,) * len(_TIPS))) for row in rows)
+    forms = ".4f", "d", ".4f", ".5f", *(".3f",) * len(_TIPS)
+    _write(path, (*HandRow._fields[:-1], *_TIPS), cells, forms)
+
+
+def _write(path: Path, head: Sequence[str], rows: Iterable[Sequence[Any]], forms: Sequence[str]) -> None:
+    lines = [",".join(head)]
     for row in rows:
-        cells = [_cell(row.level, "d"), _cell(row.closure, ".4f"), _cell(row.height_m, ".5f")]
-        cells += [_cell(tip_mm, ".3f") for tip_mm in row.tips_mm or (None,) * len(_TIPS)]
-        text += f"{row.t_s:.4f},{','.join(cells)}\n"
-    write_whole(path, text)
-
-
-def _cell(value: float | None, form: str) -> str:
-    return "" if value is None else format(value, form)
+        cells = ("" if v is None else format(v, form) for v, form in zip(row, forms, strict=True))
+        lines.append(",".join(cells))
+    write_whole(path, "".join(f"{line}\n" for line in lines))
 
 
 def read_touch(path: Path) -> list[TouchRow]:

@@ -1,9 +1,8 @@
 """Write one person's session as one file, and open it at another lab with every hash checked.
 
-A bundle is a ZIP file, which any computer unpacks: the plan, and all files and folders of the study that bear the
-person's id (events, raters, courses, recordings with their settings). ``manifest.json`` has the length and SHA-256 of
-each, the versions that wrote it, and the outcome of every trial. Opened, it is a study's folder again: every verb of
-``tega-teleop study`` works on it, and its trials are worked out again and compared with those of the manifest.
+A bundle is a ZIP file: the plan, and all files and folders of the study that bear the person's id (events, raters,
+courses, recordings with their settings). ``manifest.json`` has the length and SHA-256 of each, the versions that wrote
+it, and the outcome of every trial. Opened, it is a study's folder again.
 """
 
 from __future__ import annotations
@@ -101,11 +100,9 @@ class OpenedBundle(NamedTuple):
 def write_bundle(folder: Path, participant: str, out: Path, *, bids: bool = False) -> WrittenBundle:
     """Write a person's session as one file.
 
-    Muscle signals are in it, and can identify the person. ``out`` must be new and outside of the study's
-    folder; its place is noted, for a withdrawal. ``bids`` names the files in it as BIDS does
-    (:mod:`tega_study.emg_bids.dataset`); opened, they have their own names again. A person without a session, or
-    who has withdrawn, is a ``RecordingError``; a session that is open in another program is a
-    ``DeviceUnavailableError``.
+    ``out`` must be new and outside of the study's folder; its place is noted, for a withdrawal. ``bids`` names
+    the files in it as BIDS does; opened, they have their own names again. A person without a session, or who has
+    withdrawn, is a ``RecordingError``; a session open in another program is a ``DeviceUnavailableError``.
     """
     plan, trials = study_trials(folder)
     plan.of(participant)

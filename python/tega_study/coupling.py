@@ -31,11 +31,8 @@ POSES = 5
 class TouchCourse(NamedTuple):
     """A trial's course; float64 (n,) each.
 
-    Attributes:
-        t_s: From the trial's start, rising.
-        cci: Normalised contact concentration, mean over fingers in contact, 0 to 1 (reading A74).
-        eda: Normalised deformation area, likewise.
-        pose: Chosen pose, 0 to 4.
+    Times rise from the trial's start. Concentration and area are normalised, means over the fingers in contact,
+    0 to 1 (reading A74); the chosen pose is 0 to 4.
     """
 
     t_s: NDArray[np.float64]
@@ -105,10 +102,7 @@ def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
 
 
 def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) -> float:
-    """Return how many independent samples two series are worth (Bartlett; Pyper and Peterman 1998).
-
-    From 3 to their length, which is the same; autocorrelations are summed up to ``lags``.
-    """
+    """Return how many independent samples two series are worth (Bartlett; Pyper and Peterman 1998), at least 3."""
     n = len(x)
 
     def rho(values: NDArray[np.float64], lag: int) -> float:

@@ -5,7 +5,6 @@ The paper's numbers are those of its Table I and text; its objects 1 to 3 are bo
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from itertools import product
 from typing import Literal
@@ -14,10 +13,17 @@ import msgspec
 import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats
-from tega_study.people import clopper_pearson, dispersion
+from tega_study.people import clopper_pearson, dispersion, finite
 from tega_study.trials import Trial
 
 PAPER_OBJECTS = ("bottle", "container", "bag")
+
+PAPER_LABELS = {
+    "duration_s": "Completion Time",
+    "slips": "Slippage",
+    "deformations": "Deformation",
+    "success": "Success Rate",
+}
 
 PAPER_TABLE_1 = {
     "haptic": {
@@ -118,10 +124,9 @@ Verdict = Literal["as printed", "opposite", "not distinguished", "no data"]
 
 
 class Direction(OutcomeDifference, frozen=True, kw_only=True):
-    """One difference that the paper prints with touch (``paper_first``) and without, and the study's.
+    """One difference that the paper prints with touch and without, and the study's.
 
-    ``paper_sign`` is 1 where the first is more, -1 where it is less. ``verdict`` is ``as printed`` or
-    ``opposite`` where the interval is all on one side of 0.
+    ``paper_sign`` is 1 where the first is more, else -1. The verdict goes by the interval over people.
     """
 
     paper_first: str
@@ -131,10 +136,7 @@ class Direction(OutcomeDifference, frozen=True, kw_only=True):
 
 
 def directions(trials: Sequence[Trial], conditions: tuple[str, str]) -> tuple[Direction, ...]:
-    """Compare a study's differences with the paper's, for every number of its Table I that differs.
-
-    The first condition stands for the paper's haptic, the second for its non-haptic.
-    """
+    """Compare a study's differences with the paper's (haptic, non-haptic), for every number of Table I that differs."""
     printed, reference = PAPER_TABLE_1["haptic"], PAPER_TABLE_1["non-haptic"]
     found = []
     for metric, texts in printed.items():
@@ -212,7 +214,7 @@ def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequen
             duration_success_s=_mean([t_s for t_s, good in timed if good]),
             slips=_mean(slips),
             slips_sd=_sd(slips),
-            slips_dispersion=_finite(dispersion(slips)),
+            slips_dispersion=finite(dispersion(slips)),
             deformations=_mean(deformed),
             deformations_sd=_sd(deformed),
             drops=_mean([t.drops for t in mine]),
@@ -230,7 +232,3 @@ def _mean(values: Sequence[float]) -> float | None:
 
 def _sd(values: Sequence[float]) -> float | None:
     return float(np.std(values, ddof=1)) if len(values) > 1 else None
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

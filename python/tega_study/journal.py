@@ -38,6 +38,12 @@ Kind = Literal[
 
 Status = Literal["done", "failed_task", "aborted_technical", "aborted_safety", "skipped"]
 
+CODES: Final[dict[Kind, str]] = {"slip": "s", "deformation": "d", "drop": "x", "lift_off": "l"}
+"""Behaviours that raters code in every study, which are kinds of events, and their keys."""
+
+SEEN: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
+"""Kinds of events that accounts of a trial are compared by, and that a person may add to a camera's."""
+
 WITH_DATA: Final = ("done", "failed_task")
 """Statuses of an attempt that has data, and that may be repeated."""
 

@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import repeat
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -21,9 +21,9 @@ from tega_scene.record import own_film, own_recording
 from tega_scene.track import track_scene
 from tega_study.attempt_rows import recording_folder
 from tega_study.journal import (
+    SEEN,
     Journal,
     JournalEvent,
-    Kind,
     attempts,
     counting,
     events_path,
@@ -34,9 +34,6 @@ from tega_study.observe.observing import checked_rater
 from tega_study.observers import CAMERA, RECORDED, WHOLE, measured_path, observer_path, read_measured
 from tega_study.plan import read_plan
 from tega_study.study_notes import check_stays
-
-CORRECTED: Final[tuple[Kind, ...]] = ("lift_off", "slip", "deformation", "drop", "placed")
-"""Kinds of events that a person may add."""
 
 
 class MeasuredTrial(msgspec.Struct, frozen=True):
@@ -68,11 +65,7 @@ def measure_session(
     are those in the recordings if ``None``. The object counts as deformed from a narrowing of ``harm_m``.
     ``mark_m`` is the second mark of a task of two places.
 
-    Raises:
-        InvalidValueError: Unknown participant ID, or the mark is no place on the table.
-        RecordingError: The study or the video is damaged, has no time code, or shows no trial of the session.
-        CalibrationError: The intrinsics in a recording are damaged.
-        ConfigError: A layout in a recording is damaged.
+    ``RecordingError`` if the study or the video is damaged, has no time code, or shows no trial of the session.
     """
     plan = read_plan(folder)
     mine = {trial.trial: trial for trial in plan.of(participant)}
@@ -181,11 +174,9 @@ def confirm_trial(
 ) -> list[JournalEvent]:
     """Take the camera's events of a trial over into a person's own account, as they are or corrected.
 
-    ``rater`` is a code such as ``r1``; ``struck`` numbers, in the camera's file, the events that did not
-    happen; ``added`` has those that the camera missed: kind, seconds from the trial's start. Returns the
-    events that now count for that person. Raises ``InvalidValueError`` if the camera has not measured the
-    trial, a number is none of its events, a kind cannot be added, a time is outside the trial, or the person
-    has confirmed it before.
+    ``struck`` numbers, in the camera's file, the events that did not happen; ``added`` has those that the camera
+    missed: kind, seconds from the trial's start. Returns the events that now count for that person.
+    ``InvalidValueError`` if the trial has none of these, or the person has confirmed it before.
     """
     measured = read_measured(folder, participant)
     mine = counting(measured, trial, attempt)
@@ -196,21 +187,21 @@ def confirm_trial(
             "tega-teleop scene measure does so",
         )
     start, end = ends["trial_start"], ends["trial_end"]
-    events = {event.n: event for event in mine if event.kind in CORRECTED}
+    events = {event.n: event for event in mine if event.kind in SEEN}
     for number in struck:
         if number not in events:
             raise InvalidValueError(
                 f"event {number} is none of trial {trial}", f"one of {', '.join(map(str, events)) or 'none'}"
             )
     for kind, t_s in added:
-        if kind not in CORRECTED:
-            raise InvalidValueError(f"a {kind!r} cannot be added", f"one of {', '.join(CORRECTED)}")
+        if kind not in SEEN:
+            raise InvalidValueError(f"a {kind!r} cannot be added", f"one of {', '.join(SEEN)}")
         if not 0 <= t_s <= (end.t_ns - start.t_ns) / 1e9:
             raise InvalidValueError(
                 f"{kind} at {t_s:g} s: the trial lasts {(end.t_ns - start.t_ns) / 1e9:.2f} s"
             )
     kept = [(event.kind, event.t_ns) for number, event in events.items() if number not in struck]
-    for kind in CORRECTED:
+    for kind in SEEN:
         kept += [(kind, start.t_ns + round(t_s * 1e9)) for name, t_s in added if name == kind]
     name = f"{CAMERA}+{checked_rater(rater)}"
     with Journal(observer_path(folder, participant, name)) as journal:
@@ -223,4 +214,4 @@ def confirm_trial(
             journal.add("session_start", t_ns=start.t_ns, source=name, text=signed, item=RECORDED)
         rows = [{"kind": kind, "t_ns": t_ns} for kind, t_ns in sorted(kept, key=lambda one: one[1])]
         journal.add_attempt((start, end), name, rows, text=WHOLE)
-        return [e for e in counting(journal.events, trial, attempt) if e.kind in CORRECTED]
+        return [e for e in counting(journal.events, trial, attempt) if e.kind in SEEN]

@@ -25,10 +25,7 @@ class Slot(NamedTuple):
 
 
 def shuffled(items: Sequence[_Item], *, seed: int, purpose: str) -> list[_Item]:
-    """Put items into an order that depends on the seed and the purpose alone.
-
-    Equal items are distinguished by their place; each purpose has a different order.
-    """
+    """Put items into an order that depends on the seed and the purpose alone."""
 
     def key(place: int) -> str:
         return hashlib.sha256(f"tega-order|{seed}|{purpose}|{place}".encode()).hexdigest()
@@ -55,10 +52,9 @@ def allocate(
 ) -> list[tuple[tuple[str, ...], tuple[str, ...]]]:
     """Give every person an order of objects and an order of conditions.
 
-    People come in groups as large as there are condition orders. A group shares an order of objects and has
-    each order of conditions once; groups go through all orders of objects before one comes again. So
-    conditions are balanced after every group, and everything after every round of groups. Up to three objects
-    are taken in all orders, more in a Williams design; conditions always in a Williams design.
+    A group of people shares an order of objects and has each order of conditions once; groups go through all
+    orders of objects before one comes again. So conditions are balanced after every group, and everything
+    after every round of groups. More than three objects are in a Williams design, conditions always.
     """
     n = len(objects)
     rows = list(itertools.permutations(range(n))) if n <= 3 else williams(n)
@@ -79,10 +75,9 @@ def lay_out(
 ) -> list[Slot]:
     """Return a person's trials in their order; ``trials`` are per object and condition.
 
-    ``period``: one condition for all objects, then the next (few changes of the vest; learning and condition
-    cannot be separated within a person). ``abba``: per object the conditions there and back, which cancels
-    linear growth. ``pairs``: per object rounds of one trial per condition, each round in a different order,
-    which depends on ``person``. Objects and conditions are in the person's order.
+    ``period``: one condition for all objects, then the next; learning and condition cannot be separated within
+    a person. ``abba``: per object the conditions there and back, which cancels linear growth. ``pairs``: per
+    object rounds of one trial per condition, in orders that depend on ``person``.
     """
     runs: list[tuple[str, str, int]] = []
     if layout == "period":

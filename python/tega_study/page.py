@@ -13,6 +13,7 @@ from tega.runtime.files.whole_file import write_whole
 from tega_study.analyse import Analysis
 from tega_study.compare import SMALLEST_FOR_P, Test
 from tega_study.difference import (
+    PAPER_LABELS,
     PAPER_OBJECTS,
     PAPER_SETUP,
     PAPER_TABLE_1,
@@ -24,7 +25,6 @@ from tega_study.lead.questions import QUESTIONS
 from tega_study.plan import read_plan
 from tega_study.power import MOST_PEOPLE, too_few
 from tega_study.silico.sensitivity import SensitivityRow
-from tega_study.tables import PAPER_LABELS
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -221,6 +221,11 @@ def _odds(share: float) -> float:
     return share / (1 - share) if share < 1 else math.inf
 
 
+def finite(value: float) -> float | None:
+    """Return a number, or ``None`` where it is not defined."""
+    return value if math.isfinite(value) else None
+
+
 def dispersion(counts: ArrayLike) -> float:
     """Return variance over mean: 1 for Poisson counts, NaN where nothing was counted or there is one count."""
     values = np.asarray(counts, float)

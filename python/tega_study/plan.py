@@ -23,6 +23,7 @@ from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.files.whole_file import write_whole
 from tega.stages.events.outcomes import LIFT_WINDOW_S, StableReading
+from tega_study.journal import CODES
 from tega_study.order import Layout, allocate, lay_out
 
 CONDITIONS = {
@@ -31,9 +32,6 @@ CONDITIONS = {
     "event-gated": "vest worn, shows contact, slip and release only",
 }
 """Vest conditions. The vest is worn in all, with the same ``masking.level_dbfs`` sound (reading A36)."""
-
-CODED = ("slip", "deformation", "drop", "lift_off")
-"""Behaviours that raters code in every study."""
 
 METRICS = ("duration_s", "slips", "deformations")
 """What can be in the family of tests that Holm's method corrects for."""
@@ -132,10 +130,6 @@ def person_id(number: int) -> str:
     return f"p{number:02d}"
 
 
-def _tests(objects: Sequence[str]) -> set[str]:
-    return {f"{metric}:{name}" for metric in METRICS for name in objects}
-
-
 def default_family(objects: Sequence[str]) -> tuple[str, ...]:
     """Return the paper's family: time and slips of every object, deformation of the softest, which is named last.
 
@@ -162,30 +156,20 @@ _DEFAULTS: Final[Mapping[str, Any]] = {
 }
 
 
-def make_plan(
-    *, participants: int, seed: int = 1, family: Sequence[str] | None = None, **settings: Any
-) -> StudyPlan:
+def make_plan(*, participants: int, seed: int = 1, **settings: Any) -> StudyPlan:
     """Make a counterbalanced plan; equal arguments give equal plans.
 
-    ``seed`` is of all orders; ``family`` holds ``metric:object``, the paper's seven where ``None``.
-    ``settings`` are other attributes of :class:`StudySettings`, the paper's protocol unless given. A name
-    must not come twice.
+    ``seed`` is of all orders. ``settings`` are other attributes of :class:`StudySettings`, the paper's protocol
+    unless given. A name must not come twice.
     """
     fields: dict[str, Any] = {**_DEFAULTS, **settings, "participants": participants, "seed": seed}
-    own = (*CODED, *fields.get("behaviours", ()))
+    own = (*CODES, *fields.get("behaviours", ()))
     for subject, names in (*((one, fields[one]) for one in ("objects", "conditions")), ("behaviours", own)):
         if len(set(names)) != len(names):
             raise InvalidValueError(f"{subject} = {', '.join(names)}: a name comes twice", "name each once")
-    objects = fields["objects"]
-    tests = default_family(objects) if family is None and objects else tuple(family or ())
-    known = _tests(objects)
-    for test in tests:
-        if test not in known:
-            raise InvalidValueError(
-                f"family: {test!r} is no test of this study", f"write metric:object, such as {min(known)}"
-            )
+    family = default_family(fields["objects"]) if fields["objects"] else ()
     try:
-        made = msgspec.convert({**fields, "family": tests}, StudySettings)
+        made = msgspec.convert({**fields, "family": family}, StudySettings)
     except msgspec.ValidationError as error:
         raise InvalidValueError(f"plan of a study: {error}", "names: letters, digits, + - _") from error
     rows: list[PlannedTrial] = []
@@ -285,7 +269,8 @@ def read_plan(folder: Path) -> StudyPlan:
         settings = msgspec.convert(fields, StudySettings)
     except msgspec.ValidationError as error:
         raise damaged(error) from error
-    if unknown := [test for test in settings.family if test not in _tests(settings.objects)]:
+    known = {f"{metric}:{name}" for metric in METRICS for name in settings.objects}
+    if unknown := [test for test in settings.family if test not in known]:
         raise damaged(f"family: {unknown[0]!r} is no test of this study")
     if hashlib.sha256(content).hexdigest() != settings.plan_sha256:
         raise damaged("is not as it was written", listed, "a plan is never changed; restore it from a copy")

@@ -77,9 +77,8 @@ class Power(NamedTuple):
 def least_people(metric: str, *, tests: int, alpha: float = 0.05) -> int | None:
     """Return the fewest people with whom a test can be significant at all, however large the effect.
 
-    The report's test is run on the most extreme data: every person differs in the same direction. The other tests of
-    the family are taken to find nothing, so that the correction is the strongest. ``None`` if
-    :data:`MOST_PEOPLE` are too few.
+    The report's test is run on the most extreme data: every person differs in the same direction. The other tests
+    are taken to find nothing, so that the correction is the strongest. ``None`` above :data:`MOST_PEOPLE`.
 
     Example:
         >>> least_people("slips", tests=7)
@@ -156,10 +155,7 @@ def people_for(
 
 
 def too_few(family: Sequence[str], *, people: int, alpha: float) -> Mapping[str, int | None]:
-    """Return a plan's metrics that so few people cannot make significant, with the fewest that could.
-
-    ``family`` has the plan's tests, ``metric:object``; ``alpha`` is two-sided.
-    """
+    """Return a plan's metrics that so few people cannot make significant, with the fewest that could."""
     metrics = dict.fromkeys(test.partition(":")[0] for test in family)
     least = {metric: least_people(metric, tests=len(family), alpha=alpha) for metric in metrics}
     return {metric: n for metric, n in least.items() if n is None or n > people}

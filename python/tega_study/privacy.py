@@ -154,9 +154,8 @@ def export(folder: Path, out: Path, *, key: str) -> dict[str, str]:
 
     The copy has the plan, the objects' properties, events and courses of touch and level under new IDs in a
     new order; no muscle signals, frames, photos, texts or raters' names. Times count from each session's
-    first event. The seed is left out, because the old IDs could be computed from it. ``out`` must not exist,
-    or be empty. ``key`` decides the new ids, and must not be empty; keep it secret or throw it away. Returns
-    the new id of each old one, which is not written anywhere.
+    first event. The seed is left out: the old IDs could be computed from it. ``key`` decides the new ids; keep
+    it secret or throw it away. Returns the new id of each old one, which is not written anywhere.
     """
     from tega_study.silico.assumptions import PARAMETERS, SIMULATION
 

@@ -59,9 +59,7 @@ class Shift(NamedTuple):
 def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     """Compare two independent groups, two-sided.
 
-    Raises:
-        ShapeError: A group is empty.
-        MissingExtraError: SciPy is not installed.
+    ``ShapeError`` for an empty group.
 
     Example:
         >>> round(mann_whitney([1, 2, 3], [4, 5, 6]).p, 12)
@@ -82,10 +80,7 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
 
 
 def rank_sum_counts(doubled_ranks: Sequence[int], n: int) -> NDArray[np.float64]:
-    """Count in how many ways ``n`` of the values have each sum; any whole numbers from 0 do.
-
-    The values are, for example, twice the mid-ranks; float64, at place ``s`` the ways to the sum ``s``.
-    """
+    """Count in how many ways ``n`` of whole numbers from 0 have each sum; float64, at place ``s`` those to ``s``."""
     top = int(sum(sorted(doubled_ranks)[-n:])) if n else 0
     ways = np.zeros((n + 1, top + 1))
     ways[0, 0] = 1.0

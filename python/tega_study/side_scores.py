@@ -1,8 +1,7 @@
 """Draw and score what goes on beside the lifts: beeps and their answers, squeezes in rests, and how far muscles tire.
 
 A person who has to think about the vest answers a beep later or not at all (dual task). Beeps come at times drawn from
-the plan's seed, so that they cannot be expected. A tired muscle's spectrum moves down, and its strongest squeeze gets
-weaker. Each value is an event of the session, so a stop forgets nothing.
+the plan's seed. A tired muscle's spectrum moves down, and its strongest squeeze gets weaker.
 """
 
 from __future__ import annotations
@@ -98,8 +97,7 @@ def beep_times(trial: PlannedTrial, attempt: int, *, seed: int, until_s: float) 
 def squeeze_shares(events: Sequence[JournalEvent]) -> dict[int, float]:
     """Return each squeeze's strength as a share of the first one's, by the event's number.
 
-    The first is the last one before the first trial, so that a half-hearted one can be done again; without any there,
-    the first of all.
+    The first is the last one before the first trial, a half-hearted one being done again; else the first of all.
     """
     known = {e.n: e.value for e in events if e.kind == "squeeze" and e.value is not None and e.value > 0}
     if not known:
@@ -129,10 +127,7 @@ def trial_medians(seen: Sequence[MuscleCondition]) -> dict[str, float]:
 
 
 def muscle_sentence(events: Sequence[JournalEvent]) -> list[str]:
-    """Return how the muscles' median frequencies have changed since the first trials, to be shown in a rest.
-
-    A second line where a muscle has fallen by 15 % or more; nothing before the second trial with EMG.
-    """
+    """Return how the muscles' median frequencies have changed since the first trials, and which muscles are tired."""
     by_channel: dict[str, list[float]] = {}
     for event in events:
         if event.kind == "muscles" and event.value is not None:

@@ -185,19 +185,22 @@ def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int
         marked = next((event for event in seen if event.kind == "lift_off"), None)
         lift_off_s = None if marked is None else (marked.t_ns - start_ns) / 1e9
     slips_s = [(event.t_ns - start_ns) / 1e9 for event in seen if event.kind == "slip"]
-    before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
     drops = sum(event.kind == "drop" for event in seen)
     return msgspec.structs.replace(
         trial,
         rater=rater,
         counted_by=rater,
         lift_off_s=lift_off_s,
-        slips=len(slips_s) - before,
-        slips_before=before,
+        **_slips(slips_s, lift_off_s),
         deformations=sum(event.kind == "deformation" for event in seen),
         drops=drops if rater.startswith(CAMERA) else max(trial.drops, drops),
         events=(*trial.events, *(f"{where}:{event.n}" for event in seen if event.kind != "note")),
     )
+
+
+def _slips(slips_s: Sequence[float], lift_off_s: float | None) -> dict[str, int]:
+    before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
+    return {"slips": len(slips_s) - before, "slips_before": before}
 
 
 def _trial(
@@ -273,7 +276,6 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
             numbers[person] = numbers.get(person, 0) + 1
             lift_s, here = result.lift_off_s, f"{path.name}:{line}"
             slips_s = [event.t_s for event in result.events if event.kind == "slip"]
-            before = sum(lift_s is None or t_s < lift_s for t_s in slips_s)
             trial = Trial(
                 id=here,
                 participant=person,
@@ -283,8 +285,7 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
                 condition=result.condition,
                 status="done" if result.success else "failed_task",
                 success=result.success,
-                slips=len(slips_s) - before,
-                slips_before=before,
+                **_slips(slips_s, lift_s),
                 deformations=result.deformations,
                 drops=result.drops,
                 counted_by="the simulation",

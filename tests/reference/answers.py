@@ -15,7 +15,6 @@ from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
 from tega.tactile import (
     TouchTracker,
-    TrackedContact,
     contact_mask,
     contact_metrics,
     pressure_map,
@@ -54,13 +53,7 @@ def presses() -> list[Indenter]:
     ]
 
 
-def _values(contact: TrackedContact) -> list[object]:
-    names = sorted(name for name in dir(contact) if not name.startswith("_"))
-    return [getattr(contact, name) for name in names]
-
-
 def main() -> None:
-    """Print the instruction set and the digest."""
     digest, rng = hashlib.sha256(), np.random.default_rng(7)
     for size in SIZES:
         frame, baseline = pictures(size, rng)
@@ -75,7 +68,9 @@ def main() -> None:
         tracker = TouchTracker(baseline, rate_hz=30.0)
         for image, frames in ((baseline, 5), (frame, 20), (baseline, 40), (frame[::-1], 5)):
             for _ in range(frames):
-                digest.update(repr(_values(tracker.update(image))).encode())
+                contact = tracker.update(image)
+                names = sorted(name for name in dir(contact) if not name.startswith("_"))
+                digest.update(repr([getattr(contact, name) for name in names]).encode())
             digest.update(tracker.mask().tobytes() + tracker.depth_map().tobytes())
     samples = rng.integers(-2000, 2001, (4000, 3)).astype(np.float64)
     digest.update(ButterworthLowpass(1000.0, 6.0, channels=3).process(samples).tobytes())

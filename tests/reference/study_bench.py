@@ -125,13 +125,15 @@ def files_of(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def ran(folder: Path, person: str, trials: Callable[[Journal, PlannedTrial, int], object]) -> None:
+def ran(
+    folder: Path, person: str, trials: Callable[[Journal, PlannedTrial, int], object], begin_ns: int = 0
+) -> None:
     """Write a session whose trials last nine seconds each; ``trials`` adds what happens in one, from a time on."""
     plan = read_plan(folder)
     with Journal(events_path(folder, person)) as journal:
-        journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256, item="simulated")
+        journal.add("session_start", t_ns=begin_ns, text=plan.settings.plan_sha256, item="simulated")
         for trial in plan.of(person):
-            at_ns = trial.trial * 20 * 10**9
+            at_ns = begin_ns + trial.trial * 20 * 10**9
             journal.add("trial_start", t_ns=at_ns, trial=trial.trial)
             trials(journal, trial, at_ns)
             journal.add("trial_end", t_ns=at_ns + 9 * 10**9, trial=trial.trial, status="done", success=True)

@@ -51,14 +51,8 @@ class _Simulated:
     """A chain that the way leads, and an arm that is where the target was a tick ago."""
 
     def __init__(self, start: Pose, here: Pose, limits: LimitSettings) -> None:
-        self.route, self.limits = MoveToStart(start), limits
-        self.chain = ArmChain(
-            ArmSettings(
-                mapping=MappingSettings(frame="base", mirror=False),
-                filter=FilterSettings(on=False),
-                limits=limits,
-            )
-        )
+        self.route, mapping = MoveToStart(start), MappingSettings(frame="base", mirror=False)
+        self.chain = ArmChain(ArmSettings(mapping=mapping, filter=FilterSettings(on=False), limits=limits))
         self.here, self.now_ns = here, 0
         self.course: list[ArmCommand] = []
 
@@ -152,8 +146,7 @@ def test_an_arm_that_was_held_back_does_not_catch_up() -> None:
     assert arm.route.there
 
 
-def test_a_short_way_ends_where_it_is_to_end() -> None:
-    """A limit below the way's own speed, as in an arm's first hour: the target is led no further than the start."""
+def test_below_its_own_speed_a_short_way_is_led_no_further_than_the_start() -> None:
     here = (0.5, 0.0, 0.3)
     arm = _Simulated(_pose((0.5, 0.0, 0.32)), _pose(here), LimitSettings(speed_m_s=0.05))
     arm.ticks(5, held=False)
@@ -172,15 +165,11 @@ def test_a_short_way_ends_where_it_is_to_end() -> None:
     ],
 )
 def test_the_way_ends_when_the_arm_itself_rests(off_mm: Callable[[float], float], rests_s: float) -> None:
-    settling = Settling()
+    settling, times_s = Settling(), [t / 100 for t in range(1000)]
     assert not settling.rests(0.0, there=True, off_m=0.02)
     assert not settling.rests(5.0, there=False, off_m=0.02)  # the switch was let go
-    ended = next(
-        t / 100
-        for t in range(1000)
-        if settling.rests(9.0 + t / 100, there=True, off_m=off_mm(t / 100) / 1000)
-    )
-    assert ended == pytest.approx(rests_s, abs=0.15)
+    ended_s = next(t for t in times_s if settling.rests(9.0 + t, there=True, off_m=off_mm(t) / 1000))
+    assert ended_s == pytest.approx(rests_s, abs=0.15)
 
 
 @pytest.mark.parametrize(
@@ -199,8 +188,6 @@ def test_a_start_that_cannot_be_is_refused(sets: list[str], text: str) -> None:
 
 
 class _Hearing:
-    """Hears what is told, in the order in which it came."""
-
     def __init__(self, check: Callable[[str], None] = lambda _prompt: None) -> None:
         self.said: list[str] = []
         self._check = check

@@ -33,20 +33,37 @@ from tega_study.lead.experimenter import ENTER, Screen
 
 
 class _Operator(ScriptedDesk):
-    """Presses at each screen what comes next: a phase, and the key for it once it has lasted."""
+    """Presses at each screen what comes next: a phase, and once it has lasted keys, or a button of a pedal.
 
-    def __init__(self, *steps: tuple[str, str]) -> None:
+    With an emulated pedal it waits at each screen, as a foot does.
+    """
+
+    def __init__(self, *steps: tuple[str, str | int], peer: Emulator | None = None) -> None:
         super().__init__()
-        self._steps = list(steps)
+        self._peer, self.steps = peer, list(steps)
         self.screens: list[tuple[str, str]] = []
+        self._since_s = 0.0
+        self.wrong = list[str]()
 
     def observe(self, screen: Screen) -> None:
         self.screens.append((screen.phase, screen.heading))
-        if self.waiting or not self._steps or screen.phase != self._steps[0][0]:
+        self.wrong += screen.wrong
+        now_s = time.monotonic()
+        if screen.phase != self.phase:
+            self._since_s = now_s
+        waits = self._peer is not None and now_s - self._since_s < 0.8
+        if self.waiting or waits or not self.steps or screen.phase != self.steps[0][0]:
             return
-        lasts = screen.phase != "episode" or (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2)
-        if lasts:
-            self.waiting += list(self._steps.pop(0)[1])
+        if screen.phase == "episode" and not (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2):
+            return
+        _, subject = self.steps.pop(0)
+        self._since_s = now_s
+        if isinstance(subject, str):
+            self.waiting += list(subject)
+        elif self._peer is not None:
+            self._peer.say(f"press {subject}")
+            time.sleep(0.05)  # no bounce
+            self._peer.say(f"lift {subject}")
 
 
 def lab(duration_s: float = 30.0, **settings: Any) -> Any:
@@ -172,35 +189,6 @@ def test_pedals_that_mean_something_else_are_refused(tmp_path: Path) -> None:
         EpisodeTaker(config, tmp_path / "s", _Operator(), task="touch", pedals="left,right")
 
 
-class _Foot(_Operator):
-    """Presses and lets go a button of an emulated pedal, or a key, at each screen."""
-
-    def __init__(self, peer: Emulator, *steps: tuple[str, str | int]) -> None:
-        super().__init__()
-        self._peer, self._left = peer, list(steps)
-        self._displayed: tuple[str, float] = ("", 0.0)
-        self.wrong = list[str]()
-
-    def show(self, screen: Screen) -> None:
-        super().show(screen)
-        self.wrong += screen.wrong
-        now_s = time.monotonic()
-        if screen.phase != self._displayed[0]:
-            self._displayed = screen.phase, now_s
-        if not self._left or screen.phase != self._left[0][0] or now_s - self._displayed[1] < 0.8:
-            return
-        if screen.phase == "episode" and not (screen.big.endswith(" s") and float(screen.big[:-2]) > 1.2):
-            return
-        _, subject = self._left.pop(0)
-        self._displayed = ("", 0.0)
-        if isinstance(subject, str):
-            self.waiting += list(subject)
-            return
-        self._peer.say(f"press {subject}")
-        time.sleep(0.05)  # no bounce
-        self._peer.say(f"lift {subject}")
-
-
 _JOYSTICK = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
 
 
@@ -213,14 +201,14 @@ def test_a_hardware_pedal_starts_ends_keeps_discards_and_does_again(tmp_path: Pa
     folder = tmp_path / "s"
     with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
         config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
-        operator = _Foot(
-            peer,
+        operator = _Operator(
             ("ready", 0), ("episode", 0), ("decide", 0),  # kept
             ("ready", 0), ("episode", 0), ("decide", 1),  # discarded
             ("ready", 0), ("episode", 2),  # discarded, and at once
             ("episode", 1),  # discarded while it goes on
             ("ready", ENTER), ("episode", ENTER), ("decide", 0),  # keys do as before
             ("ready", "qq"),
+            peer=peer,
         )  # fmt: skip
         taken = EpisodeTaker(config, folder, operator, task="lift", pedals="1,2,3").take()
     assert [line.step for line in taken] == ["kept", "discarded", "discarded", "discarded", "kept"]
@@ -239,20 +227,20 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
     with emulated("pedal-keyboard", PEDAL) as peer:
         config = lab(input={"marker": {"driver": "pedal"}})
 
-        class Typing(_Foot):
+        class Typing(_Operator):
             """Types what the pedal types, as the system does with a keyboard."""
 
-            def show(self, screen: Screen) -> None:
-                n = len(self._left)
-                super().show(screen)
-                if len(self._left) < n and not self.waiting:
+            def observe(self, screen: Screen) -> None:
+                n = len(self.steps)
+                super().observe(screen)
+                if len(self.steps) < n and not self.waiting:
                     self.waiting.append("b")
 
-        operator = Typing(peer, ("ready", 0), ("episode", 0), ("decide", 0), ("ready", "qq"))
+        operator = Typing(("ready", 0), ("episode", 0), ("decide", 0), ("ready", "qq"), peer=peer)
         taken = EpisodeTaker(config, tmp_path / "s", operator, task="lift", pedals="b").take()
         assert [line.step for line in taken] == ["kept"]
         peer.say("unplug")
-        unplugged = _Foot(peer, ("ready", "qq"))
+        unplugged = _Operator(("ready", "qq"), peer=peer)
         EpisodeTaker(config, tmp_path / "s", unplugged, task="lift", pedals="b").take()
         assert any("no pedal that is known" in message for message in unplugged.wrong)
 
@@ -262,9 +250,8 @@ def test_a_keyboard_pedal_that_types_too_counts_once_and_without_it_keys_do(tmp_
 def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) -> None:
     with emulated("pedal-joystick", (0x05F3, 0x00FF)) as peer:
         config = lab(input={"marker": {"driver": "pedal", "options": _JOYSTICK}})
-        operator = _Foot(
-            peer, ("ready", ENTER), ("episode", 0), ("episode", ENTER), ("decide", ENTER), ("ready", "qq")
-        )
+        keyed = ("episode", ENTER), ("decide", ENTER), ("ready", "qq")
+        operator = _Operator(("ready", ENTER), ("episode", 0), *keyed, peer=peer)
         (line,) = EpisodeTaker(config, tmp_path / "s", operator, task="lift").take()
     assert line.step == "kept"
     assert marked(tmp_path / "s" / line.file) == ["1"]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference.study_bench import StandingBench, quick_study
+from reference.study_bench import StandingBench, study
 from tega.loop.snapshot import LoopView
 from tega.runtime.clock import SystemClock
 from tega.stages.metrics import contact_record
@@ -49,26 +49,13 @@ class _ByArm(SimulatedBench):
         super().run(trial, going, folder)
 
 
-def _study(folder: Path, name: str = "bag") -> Path:
-    quick_study(folder / "study", objects=[name], change_rest_s=180.0)
-    return folder / "study"
-
-
 def _led(folder: Path, bench: Any, keys: dict[float, str]) -> tuple[list[JournalEvent], float]:
     """Lead a trial, keys by time since its start; return its events and its beginning."""
     left = dict(sorted(keys.items()))
     with Journal(events_path(folder, "p01")) as journal:
-        led = LedTrial(
-            folder,
-            read_plan(folder).of("p01")[0],
-            1,
-            bench=bench,
-            journal=journal,
-            clock=SystemClock(),
-            task="lift",
-            window_s=15.0,
-            time_scale=0.001,
-        )
+        own: dict[str, Any] = {"bench": bench, "journal": journal, "clock": SystemClock()}
+        trial = read_plan(folder).of("p01")[0]
+        led = LedTrial(folder, trial, 1, task="lift", window_s=15.0, time_scale=0.001, **own)
         pressed: list[str] = []
         while not led.step(pressed):
             due = [at_s for at_s in left if led.going.elapsed_s() >= at_s]
@@ -79,7 +66,7 @@ def _led(folder: Path, bench: Any, keys: dict[float, str]) -> tuple[list[Journal
 @pytest.mark.slow
 def test_lift_off_and_hold_by_the_arm_are_those_of_the_object(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
-    folder = _study(tmp_path)
+    folder = study(tmp_path)
     bench = _ByArm(read_plan(folder), "p01", real_time=False)
     events, begin_s = _led(folder, bench, {})
     at_s = {e.kind: e.t_ns / 1e9 - begin_s for e in events if e.source == ARM}
@@ -129,7 +116,7 @@ def _contact(*, held: bool) -> ContactMetrics:
 
 
 def test_an_object_that_leaves_the_hand_in_the_air_is_dropped(tmp_path: Path) -> None:
-    folder = _study(tmp_path)
+    folder = study(tmp_path)
     events, begin_s = _led(folder, _Raised(drops=True), {})
     (drop,) = [event for event in events if event.kind == "drop"]
     assert drop.source == ARM
@@ -145,8 +132,8 @@ def test_an_object_that_leaves_the_hand_in_the_air_is_dropped(tmp_path: Path) ->
 
 
 def test_a_keyed_lift_off_replaces_the_measured_one_and_both_are_kept(tmp_path: Path) -> None:
-    folder = _study(tmp_path)
-    plain = _study(tmp_path / "plain")
+    folder = study(tmp_path)
+    plain = study(tmp_path / "plain")
     _led(plain, _Raised(drops=False), {})
     events, _ = _led(folder, _Raised(drops=False), {1.0: " "})
     assert [e.source for e in events if e.kind == "lift_off"] == ["experimenter", ARM]

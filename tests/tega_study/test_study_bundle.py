@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 
 from reference.command import call
-from reference.study_bench import RECORDING, files_of, golden_recording, led
+from reference.study_bench import RECORDING, files_of, led
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError, TegaError
 from tega.recording.export import export_file
 from tega.recording.mcap_reader import McapReader
@@ -295,8 +295,7 @@ def test_the_verbs(
     assert json.loads(called("open", str(foreign), "--out", "other", "--json", code=1))["same"] is False
 
 
-def test_an_object_s_photo_is_a_picture(study: Path, tmp_path: Path) -> None:
-    """A table of objects in a bundle does not make a script a photo."""
+def test_a_table_of_objects_does_not_make_a_script_a_photo(study: Path, tmp_path: Path) -> None:
     (study / "objects.toml").write_text('[bag]\nphoto = "report.html"\n', encoding="utf-8")
     write_bundle(study, "p01", tmp_path / "p01.zip")
     with pytest.raises(RecordingError, match=r"report\.html is no file of a session"):
@@ -314,16 +313,11 @@ def test_a_withdrawal_names_copies_of_recordings_and_their_copies(study: Path, t
     encode_session(made["part"], out=made["again"], quality=70)
     elsewhere = tmp_path / "elsewhere"
     shutil.copytree(made["tables"], elsewhere)  # copied by hand: no program knows of it
+    (tmp_path / "mine").mkdir()  # a recording outside of studies gets no list of copies
+    export_file(Path(shutil.copy(source, tmp_path / "mine")), tmp_path / "mine/tables")
+    assert not list((tmp_path / "mine").rglob("elsewhere.txt"))
     left = withdraw(study, "p01").left
     assert set(made.values()) <= set(left)
     assert len(set(left)) == len(left)
     assert elsewhere not in left
     assert not set(made.values()) & set(withdraw(study, "p02").left)
-
-
-def test_a_recording_outside_of_studies_gets_no_list_of_copies(tmp_path: Path) -> None:
-    source = tmp_path / "mine" / "trial-001.mcap"
-    source.parent.mkdir()
-    source.write_bytes(golden_recording())
-    export_file(source, tmp_path / "tables")
-    assert not list(tmp_path.rglob("elsewhere.txt"))

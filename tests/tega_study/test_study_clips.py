@@ -86,9 +86,7 @@ def test_a_clip_is_the_trial_picture_by_picture(whole: Path) -> None:
     key = read_key(whole / "study", "r1")
     video = cv2.VideoCapture(str(whole / "r1" / "clip-001.avi"))
     assert video.get(cv2.CAP_PROP_FPS) == pytest.approx(30.0)
-    pictures = []
-    while (got := video.read())[0]:
-        pictures.append(got[1])
+    pictures = [image for _, image in iter(video.read, (False, None))]
     assert len(pictures) == round(key.clips[0].length_s * 30) == 39
     assert pictures[0].shape == (268, 640, 3)
     # Both fingertips are there, and something goes on in them.
@@ -117,13 +115,8 @@ def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
 
     settings = {"session.toml": b"[stages.mapping]\nname = 'pulses'\n"}
     # A study's name stands in the project, and nothing else of where it lies.
-    other = clipped_study(
-        tmp_path / "other" / "study",
-        StudyPlan(one.settings, flipped),
-        recording,
-        change=silent,
-        files=settings,
-    )
+    other, plan = tmp_path / "other" / "study", StudyPlan(one.settings, flipped)
+    clipped_study(other, plan, recording, change=silent, files=settings)
     assert read_plan(folder).trials != read_plan(other).trials
     made = []
     for where in (folder, other):
@@ -232,9 +225,7 @@ def test_an_account_is_live_or_of_clips(made: Path, tmp_path: Path) -> None:
 def test_boris_opens_the_project_and_finds_its_media(whole: Path) -> None:
     opened = boris_project(whole / "r1" / "r1.boris", media=True)
     if opened is None:
-        pytest.skip(
-            "BORIS is not installed: pip install boris-behav-obs, or TEGA_BORIS names a Python that has it"
-        )
+        pytest.skip("pip install boris-behav-obs, or TEGA_BORIS names a Python that has it")
     assert len(opened["observations"]) == 4
     codes = {one["code"] for one in opened["behaviors_conf"].values()}
     assert codes == {"slip", "deformation", "drop", "lift_off"}
@@ -305,19 +296,23 @@ def test_proposals_are_confirmed_rejected_moved_and_added_to(made: Path, tmp_pat
     assert ("r1", "r2") in pairs
     assert (DETECTOR, "r2") in pairs or ("r2", DETECTOR) in pairs
     assert not [pair for pair in pairs if "r1" in pair and DETECTOR in pair]
-    slips = next(
-        one for one in agreements(made, tolerance_s=0.1) if (one.a, one.b, one.kind) == ("r1", "r2", "slip")
-    )
+    close = agreements(made, tolerance_s=0.1)
+    slips = next(one for one in close if (one.a, one.b, one.kind) == ("r1", "r2", "slip"))
     assert (slips.n_a, slips.n_b, slips.matched) == (8, 4, 4)
     assert slips.f1 == pytest.approx(2 * 4 / 12)
     assert slips.delay_s == pytest.approx(0.02)
 
 
-def test_a_clip_with_an_open_proposal_counts_in_no_comparison(made: Path, tmp_path: Path) -> None:
-    project = tmp_path / "r1" / "r1.boris"
+def test_a_clip_with_an_open_proposal_counts_in_no_comparison_and_comments_are_a_rater_s_own(
+    made: Path, tmp_path: Path
+) -> None:
+    project, words = tmp_path / "r1" / "r1.boris", ("#", "#x", "#²", "#99999", "# 0", "")
     verdicts = {"rule 0.5": "confirmed", "detector 0.5": "delete", "detector 0.9": "proposed"}
     coded(project, decide(verdicts))
+    own = [[0.1 * k, "", "slip", "", word] for k, word in enumerate(words)]  # name no proposal
+    coded(project, lambda _name, events: [*events, *own])
     taken = take_clips(made, project, "r1")
+    assert taken.added == 4 * (1 + len(words))
     assert taken.unfinished == [clip.name for clip in read_key(made, "r1").clips]
     assert taken.proposals["detector"] == {"confirmed": 0, "moved": 0, "rejected": 4, "proposed": 4}
     events = read_events(observer_path(made, "p01", "r1"))
@@ -349,15 +344,6 @@ def test_a_project_that_was_spoilt_is_refused_and_nothing_is_taken(made: Path, t
         with pytest.raises(RecordingError, match=message):
             take_clips(made, path, "r2")
         assert not observer_path(made, "p01", "r2").exists()
-
-
-def test_numbers_that_name_no_proposal_are_a_rater_s_own_words(made: Path, tmp_path: Path) -> None:
-    path = tmp_path / "r1" / "r1.boris"
-    words = ("#", "#x", "#²", "#99999", "# 0", "")
-    coded(path, lambda _name, _events: [[0.1 * k, "", "slip", "", word] for k, word in enumerate(words)])
-    taken = take_clips(made, path, "r1")
-    assert taken.added == 4 * len(words)
-    assert taken.proposals["rule"]["rejected"] == 4  # all were deleted
 
 
 def test_keys_are_of_the_study_and_of_no_other_file(made: Path, tmp_path: Path) -> None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
-import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -19,6 +18,7 @@ pytest.importorskip("foxglove")
 pytest.importorskip("mujoco")
 pytest.importorskip("tega_figures")
 
+from reference.command import call  # noqa: E402
 from reference.processes import in_terminal  # noqa: E402
 from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, rendered  # noqa: E402
 from reference.written import boris_project  # noqa: E402
@@ -122,16 +122,10 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
         assert b"scores the trials by rule" in drawn()
 
 
-def tega(*words: object) -> Any:
-    """Run a command in a process of its own, and return what it printed as JSON."""
-    done = subprocess.run(
-        [sys.executable, "-m", "tega.ui.cli", *map(str, words), "--json"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+@pytest.fixture
+def tega(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
+    """Return what calls a command and returns what it printed as JSON."""
+    return lambda *words: json.loads(call(capsys, *words, "--json")[0])
 
 
 def own(folder: Path, person: str, trial: int) -> Path:
@@ -197,7 +191,7 @@ def test_every_trial_is_filmed_into_its_own_recording(filmed: Filmed) -> None:
 
 
 def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
-    filmed: Filmed, tmp_path: Path
+    filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
 ) -> None:
     folder = filmed.folder
     for person in PEOPLE:
@@ -246,7 +240,7 @@ def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
 
 
 def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_alone(
-    filmed: Filmed, tmp_path: Path
+    filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
 ) -> None:
     folder = filmed.folder
     here = tega("scene", "measure", folder, "p01")

@@ -98,24 +98,18 @@ def test_an_answer_is_one_key_and_can_be_taken_back_until_the_last_is_kept(tmp_p
 def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Path) -> None:
     pytest.importorskip("mujoco")
     folder = study(tmp_path)
-    plan = read_plan(folder)
+    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
     desk = Experimenter({"trial": "d", "ready": "uf"})
-    state = lead_session(folder, "p01", SimulatedBench(plan, "p01", real_time=False), desk, time_scale=0.1)
-    assert state.next is None
+    assert lead_session(folder, "p01", bench, desk, time_scale=0.1).next is None
     events = events_of(folder)
-    ends = [event for event in events if event.kind == "trial_end"]
-    assert [event.trial for event in ends] == [1, 2]
+    assert [event.trial for event in events if event.kind == "trial_end"] == [1, 2]
     for trial in (1, 2):
         own = [event for event in events if event.trial == trial and event.kind != "rating"]
-        t_ns = {kind: next((e.t_ns for e in own if e.kind == kind), None) for kind in kinds(own)}
-        held = t_ns["lifted"]
-        assert held is not None
-        assert t_ns["trial_start"] < t_ns["lift_off"] < held  # type: ignore[operator]
-        assert ends[trial - 1].t_ns == held
-    # The experimenter saw a deformation in each trial, took that back, and corrected it to a failure.
-    for trial in (1, 2):
-        seen = [event for event in events if event.trial == trial and event.source == "experimenter"]
-        assert kinds(seen) == ["deformation", "undo", "override"]
+        t_ns = {event.kind: event.t_ns for event in reversed(own)}
+        assert t_ns["trial_start"] < t_ns["lift_off"] < t_ns["lifted"] == t_ns["trial_end"]
+        # The experimenter saw a deformation in each trial, took that back, and corrected it to a failure.
+        keyed = [event for event in own if event.source == "experimenter"]
+        assert kinds(keyed) == ["deformation", "undo", "override"]
     trials = study_trials(folder)[1]
     assert [trial.success for trial in trials] == [False, False]
     # Each block is a trial here, so everybody was asked twice.
@@ -134,15 +128,6 @@ def test_a_simulated_session_goes_from_the_first_trial_to_the_last(tmp_path: Pat
     assert board is not None
     assert board.phase == "over"
     assert b"haptic" not in board_path(folder, "p01").read_bytes()
-
-
-def test_what_the_bench_cannot_do_is_refused_before_anything_is_written(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
-    folder = study(tmp_path, conditions=["haptic", "unfelt"])
-    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
-    with pytest.raises(InvalidValueError, match="unfelt"):
-        lead_session(folder, "p01", bench, Experimenter())
-    assert not events_path(folder, "p01").exists()
 
 
 def test_a_rehearsal_in_a_plan_of_people_and_people_in_one_of_rehearsals_are_refused(tmp_path: Path) -> None:
@@ -170,12 +155,14 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
     key: str, at_s: float, ends: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = study(tmp_path)
-    plan = read_plan(folder)
     with Journal(events_path(folder, "p01")) as journal:
-        led = LedTrial(
-            folder, plan.of("p01")[0], 1, bench=StandingBench(own_time=True), journal=journal, clock=SystemClock(),
-            task="lift", window_s=15.0, time_scale=0.001,
-        )  # fmt: skip
+        own: dict[str, Any] = {
+            "bench": StandingBench(own_time=True),
+            "journal": journal,
+            "clock": SystemClock(),
+        }
+        trial = read_plan(folder).of("p01")[0]
+        led = LedTrial(folder, trial, 1, task="lift", window_s=15.0, time_scale=0.001, **own)
         until(lambda: (led.step([]), led.phase == "trial")[1])
         monkeypatch.setattr(led.going, "elapsed_s", lambda: at_s)
         assert led.step([key]) == ends
@@ -276,8 +263,16 @@ def test_pedals_begin_mark_score_end_and_repeat_trials(tmp_path: Path) -> None:
         assert end.text == "ended by the experimenter"
 
 
-def test_pedals_that_mean_something_else_begin_no_session(tmp_path: Path) -> None:
-    folder = study(tmp_path)
+def test_pedals_that_mean_something_else_and_conditions_that_cannot_be_applied_begin_no_session(
+    tmp_path: Path,
+) -> None:
+    pytest.importorskip("mujoco")
+    folder = study(tmp_path, conditions=["haptic", "unfelt"])
+    for bench in (StandingBench(), SimulatedBench(read_plan(folder), "p01", real_time=False)):
+        with pytest.raises(InvalidValueError, match="'unfelt' cannot be run"):
+            lead_session(folder, "p01", bench, Experimenter())
+    assert not events_path(folder, "p01").exists()
+    folder = study(tmp_path / "other")
     for pedals in ("11", "123456", "1s", "e", "1 ", "q", "r1", "\r"):
         with pytest.raises(InvalidValueError, match="one to five keys that mean nothing else"):
             lead_session(folder, "p01", StandingBench(), Experimenter(), pedals=pedals)

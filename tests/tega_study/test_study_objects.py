@@ -16,8 +16,9 @@ import msgspec
 from reference.command import call
 from reference.study_bench import led
 from tega.errors import InvalidValueError, RecordingError, UnsafeNameError
+from tega_study.analyse import analyse_study
 from tega_study.bundle import open_bundle, write_bundle
-from tega_study.page import FORMS, write_forms
+from tega_study.page import FORMS, report_html, write_forms
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.privacy import export
 from tega_study.study_notes import OBJECTS, ObjectFacts, note_object, read_objects
@@ -40,12 +41,9 @@ def test_what_is_given_is_kept_and_the_rest_stays(study: Path, tmp_path: Path) -
     (tmp_path / "IMG 01.JPG").write_bytes(PHOTO)
     note_object(study, "bag", stiffness_n_per_mm=0.21, photo=tmp_path / "IMG 01.JPG")
     note_object(study, "bottle", friction=0.6)
-    assert read_objects(study) == {
-        "bag": ObjectFacts(
-            mass_g=32.0, stiffness_n_per_mm=0.21, measured="kitchen scale, 1 g", photo="objects/bag.jpg"
-        ),
-        "bottle": ObjectFacts(friction=0.6),
-    }
+    words = {"measured": "kitchen scale, 1 g", "photo": "objects/bag.jpg"}
+    bag = ObjectFacts(mass_g=32.0, stiffness_n_per_mm=0.21, **words)
+    assert read_objects(study) == {"bag": bag, "bottle": ObjectFacts(friction=0.6)}
     assert (study / "objects/bag.jpg").read_bytes() == PHOTO
     assert read_plan(study) == before
 
@@ -100,8 +98,6 @@ def test_it_goes_along_with_the_data_and_photos_stay_out_of_what_is_published(
 def test_the_verb_and_the_report(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("statsmodels")
-    from tega_study.analyse import analyse_study
-    from tega_study.page import report_html
 
     def called(*words: str) -> str:
         return call(capsys, "study", "object", study, *words)[0]
@@ -122,9 +118,8 @@ def forms_of(folder: Path, **settings: Any) -> dict[str, str]:
 
 
 def test_the_forms_say_what_the_plan_says(tmp_path: Path) -> None:
-    message = forms_of(
-        tmp_path / "a", trials=3, conditions=["haptic", "non-haptic", "event-gated"], window_s=20.0
-    )
+    conditions = ["haptic", "non-haptic", "event-gated"]
+    message = forms_of(tmp_path / "a", trials=3, conditions=conditions, window_s=20.0)
     assert set(message) == set(FORMS)
     consent = message["consent.md"]
     assert "There are 18 trials of up to 20 s each" in consent
@@ -142,10 +137,7 @@ def test_the_minutes_are_those_that_plan_prints(tmp_path: Path, capsys: pytest.C
     printed, _ = call(capsys, "study", "plan", "--participants", 2, "--anyway", "--out", study)
     call(capsys, "study", "forms", study, "--out", tmp_path / "forms")
     consent = (tmp_path / "forms/consent.md").read_text()
-    rests, total = (
-        consent.split("rests that take ")[1].split()[0],
-        consent.split("takes about ")[1].split()[0],
-    )
+    rests, total = (consent.split(f"{text} ")[1].split()[0] for text in ("rests that take", "takes about"))
     assert f"rests alone take {rests} min a person; with 15 s a trial {total} min" in printed
 
 

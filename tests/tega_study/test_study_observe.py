@@ -105,10 +105,9 @@ def test_names_and_files_are_guarded(folder: Path) -> None:
     with pytest.raises(InvalidValueError, match="cannot be a file's name"):
         Observing(folder, "p01", "../r1", t_ns=0)
     with Observing(folder, "p01", "r1", t_ns=0):
-        with pytest.raises(DeviceUnavailableError):
-            Observing(folder, "p01", "r1", t_ns=0)
-        with pytest.raises(DeviceUnavailableError):
-            withdraw(folder, "p01")
+        for use in (lambda: Observing(folder, "p01", "r1", t_ns=0), lambda: withdraw(folder, "p01")):
+            with pytest.raises(DeviceUnavailableError):
+                use()
 
 
 def test_an_export_has_the_raters_under_new_names(folder: Path, tmp_path: Path) -> None:

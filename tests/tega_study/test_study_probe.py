@@ -17,6 +17,7 @@ from reference.study_bench import LiftingBench, ScriptedDesk, StandingBench, qui
 from tega.config import load_config
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, MissingExtraError
 from tega_emulators.sound_port import SoundPort
+from tega_study.analyse import analyse_study
 from tega_study.journal import Journal, JournalEvent, Kind, events_path, read_events
 from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.session import lead_session
@@ -29,9 +30,11 @@ from tega_study.masking_sound import (
     beep_tone,
     pink_loop,
 )
-from tega_study.plan import PlannedTrial, StudyPlan, make_plan, read_plan
+from tega_study.page import report_html
+from tega_study.plan import PlannedTrial, make_plan, read_plan
 from tega_study.privacy import export
 from tega_study.ratings import probe_uses
+from tega_study.report import csv_files
 from tega_study.side_scores import APART_S, FIRST_S, beep_times, score_beeps
 from tega_study.state import SessionState
 from tega_study.trials import study_trials
@@ -44,10 +47,6 @@ def port() -> Iterator[SoundPort]:
     made = SoundPort()
     with made.installed():
         yield made
-
-
-def made_plan(folder: Path, **settings: Any) -> StudyPlan:
-    return quick_study(folder, **{"probe": True, **settings})
 
 
 def event(kind: Kind, t_s: float) -> JournalEvent:
@@ -143,8 +142,7 @@ class _Participant(ScriptedDesk):
 @pytest.mark.slow
 def test_a_session_with_a_second_task_scores_it_beside_the_outcome(port: SoundPort, tmp_path: Path) -> None:
     folder = tmp_path / "study"
-    made_plan(folder)
-    assert read_plan(folder).settings.probe
+    assert quick_study(folder, probe=True).settings.probe
     desk = _Participant(port)
     with MaskingSound(MaskingSection(), beeps=True) as sound:
         state = lead_session(folder, "p01", StandingBench(), desk, time_scale=0.01, masking=sound)
@@ -177,7 +175,10 @@ def test_a_session_with_a_second_task_scores_it_beside_the_outcome(port: SoundPo
 
 def test_what_cannot_be_heard_or_answered_begins_no_session(port: SoundPort, tmp_path: Path) -> None:
     folder = tmp_path / "study"
-    made_plan(folder)
+    quick_study(folder, probe=True)
+    quick_study(tmp_path / "without")
+    assert "probe = true" in (folder / "study.toml").read_text()
+    assert "probe" not in (tmp_path / "without/study.toml").read_text(), "an earlier version reads it too"
     desk = _Participant(port)
     with pytest.raises(DeviceUnavailableError, match="nothing plays its beeps"):
         lead_session(folder, "p01", StandingBench(), desk)
@@ -188,21 +189,9 @@ def test_what_cannot_be_heard_or_answered_begins_no_session(port: SoundPort, tmp
     assert not events_path(folder, "p01").exists()
 
 
-def test_a_plan_without_a_second_task_is_written_as_before(tmp_path: Path) -> None:
-    made_plan(tmp_path / "with")
-    made_plan(tmp_path / "without", probe=False)
-    assert "probe = true" in (tmp_path / "with/study.toml").read_text()
-    assert "probe" not in (tmp_path / "without/study.toml").read_text()
-    assert not read_plan(tmp_path / "without").settings.probe
-
-
 def test_the_report_has_the_score(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     pytest.importorskip("statsmodels")
-    from tega_study.analyse import analyse_study
-    from tega_study.page import report_html
-    from tega_study.tables import csv_files
-
     folder = tmp_path / "study"
 
     def answer(journal: Journal, trial: PlannedTrial, at_ns: int) -> None:
@@ -210,7 +199,7 @@ def test_the_report_has_the_score(tmp_path: Path) -> None:
         for kind, at_ds in (("beep", 30), ("answer", 30 + reaction_ds), ("beep", 60)):
             journal.add(kind, t_ns=at_ns + at_ds * 10**8, trial=trial.trial)  # type: ignore[arg-type]
 
-    for person in made_plan(folder, participants=2, trials=2).participants:
+    for person in quick_study(folder, probe=True, participants=2, trials=2).participants:
         ran(folder, person, answer)
     analysis, _ = analyse_study(folder)
     page = " ".join(report_html(analysis, {}).split())
@@ -284,9 +273,8 @@ def test_a_session_says_what_masks_it_and_stops_where_that_has_gone(port: SoundP
     quick_study(tmp_path)
 
     def lead(**options: Any) -> SessionState:
-        return lead_session(
-            tmp_path, "p01", LiftingBench(), ScriptedDesk(), time_scale=0.01, auto=True, **options
-        )
+        quick: dict[str, Any] = {"time_scale": 0.01, "auto": True}
+        return lead_session(tmp_path, "p01", LiftingBench(), ScriptedDesk(), **quick, **options)
 
     def notes() -> list[str]:
         return [event.text for event in read_events(events_path(tmp_path, "p01")) if event.kind == "note"]

@@ -12,28 +12,26 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("mujoco")
 
-from click.testing import CliRunner
-
+from reference.command import call
 from reference.study_bench import ScriptedDesk, quick_study
 from reference.written import boris_project
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.analyse import analyse_study
 from tega_study.attempt_rows import HandRow, read_hand, read_touch, write_hand
-from tega_study.cli import study
 from tega_study.detecting import detect_study, detected_path, events_of, read_detected
 from tega_study.journal import Journal, events_path
 from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.questions import TLX
 from tega_study.lead.session import lead_session
 from tega_study.observe.observing import Observing
-from tega_study.observers import observer_path, read_observers
+from tega_study.observers import observer_path
 from tega_study.page import report_html
 from tega_study.plan import make_plan, read_plan, write_plan
+from tega_study.report import csv_files
 from tega_study.score.accounts import agreements
 from tega_study.score.agree import agreement, icc, kappa, match_events
 from tega_study.score.boris import export_boris, import_boris
 from tega_study.state import resume
-from tega_study.tables import csv_files
 from tega_study.trials import study_trials
 
 S = 1_000_000_000
@@ -194,6 +192,11 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return session
 
 
+@pytest.fixture
+def here(session: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(session, tmp_path / "study"))
+
+
 @pytest.mark.slow
 def test_the_third_condition_takes_place_and_is_counted(session: Path) -> None:
     trials = study_trials(session)[1]
@@ -217,8 +220,9 @@ def test_places_of_fingertips_are_kept_and_older_tables_have_none(tmp_path: Path
 @pytest.mark.slow
 def test_events_are_written_beside_the_session_and_compared(session: Path, tmp_path: Path) -> None:
     before = study_trials(session)[1]
+    write_plan(make_plan(participants=1, objects=["bag"], trials=1), tmp_path / "empty")
     with pytest.raises(RecordingError, match="no trial has frames"):
-        detect_study(_empty(tmp_path))
+        detect_study(tmp_path / "empty")
     found = detect_study(session)
     assert [(one.trial, one.object, one.missing) for one in found] == [(n, "bag", ()) for n in (1, 2, 3)]
     for one, trial in zip(found, before, strict=True):
@@ -240,9 +244,8 @@ def test_events_are_written_beside_the_session_and_compared(session: Path, tmp_p
 @pytest.mark.slow
 @pytest.mark.parametrize("lost", ["closure", "height_m"])
 def test_a_rig_without_joints_or_height_has_no_certain_slips_and_reports_say_so(
-    lost: str, session: Path, tmp_path: Path
+    lost: str, here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    here = Path(shutil.copytree(session, tmp_path / "study"))
     unknown: dict[str, Any] = {lost: None, "tips_mm": None}
     for path in here.rglob("hand.csv"):
         rows = [row._replace(**unknown) for row in read_hand(path)]
@@ -258,22 +261,21 @@ def test_a_rig_without_joints_or_height_has_no_certain_slips_and_reports_say_so(
     note = "detector: not observable on this rig"
     assert (row.note, row.f1, row.trials) == (note, None, 0)
     for verb in ("detect", "score"):
-        assert "not observable on this rig" in CliRunner().invoke(study, [verb, str(here)]).output
+        assert "not observable on this rig" in call(capsys, "study", verb, here)[0]
     assert note in report_html(analyse_study(here)[0], {})
     by_touch = [one for path in here.rglob("touch.csv") for one in events_of(read_touch(path), ())]
     assert all(one.confidence < 0.5 for one in by_touch if one.kind == "slip")
 
 
 @pytest.mark.slow
-def test_accounts_without_a_common_event_say_why(session: Path, tmp_path: Path) -> None:
-    here = Path(shutil.copytree(session, tmp_path / "study"))
+def test_accounts_without_a_common_event_say_why(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with Journal(events_path(here, "p01")) as journal:
         start = next(event for event in journal.events if event.kind == "trial_start")
         journal.add("deformation", t_ns=start.t_ns + 10**9, trial=1, source="experimenter")
     found = {(one.kind, one.a, one.b): one for one in agreements(here)}
     assert found["deformation", "truth", "experimenter"].note == "no event of truth"
     assert found["lift_off", "truth", "experimenter"].note == "no event of experimenter"
-    displayed = CliRunner().invoke(study, ["score", str(here)]).output
+    displayed = call(capsys, "study", "score", here)[0]
     (head,) = [line for line in displayed.splitlines() if line.startswith("event ")]
     assert "n first  n second" in head
     assert "no event of truth" in displayed
@@ -284,55 +286,37 @@ def test_accounts_without_a_common_event_say_why(session: Path, tmp_path: Path) 
 
 
 @pytest.mark.slow
-def test_events_go_out_to_boris_and_come_back(session: Path, tmp_path: Path) -> None:
-    found = detect_study(session)
+def test_events_go_out_to_boris_and_come_back(here: Path, tmp_path: Path) -> None:
+    found = detect_study(here)
     path = tmp_path / "out.boris"
-    assert export_boris(session, path) == 6  # three to fill in, three of the detector
+    assert export_boris(here, path) == 6  # three to fill in, three of the detector
     boris_project(path)
     project = json.loads(path.read_text())
     observations = {k: v for k, v in project["observations"].items() if k.endswith("_detector")}
     [lift] = [event for event in found[0].events if event.kind == "lift_off"]
     assert [round(lift.t_s, 3), "", "lift_off", "", ""] in observations["p01_t01_a1_detector"]["events"]
     path.write_text(json.dumps({**project, "observations": observations}))
-    assert import_boris(session, path, "again") == {"p01": 3}
-    try:
-        same = {one.kind: one for one in agreements(session) if {one.a, one.b} == {"again", "detector"}}
-        assert same["lift_off"].f1 == 1.0
-    finally:
-        for rater in read_observers(session, "p01"):
-            (session / "sessions" / "p01" / "observers" / f"{rater}.jsonl").unlink()
+    assert import_boris(here, path, "again") == {"p01": 3}
+    same = {one.kind: one for one in agreements(here) if {one.a, one.b} == {"again", "detector"}}
+    assert same["lift_off"].f1 == 1.0
 
 
 @pytest.mark.slow
-def test_without_a_hand_and_an_arm_touch_alone_is_looked_at(session: Path) -> None:
-    where = session / "recordings/p01/p01-t01-a1/hand.csv"
-    rows = read_hand(where)
-    try:
-        write_hand(where, [HandRow(row.t_s, row.level, None, None) for row in rows])
-        [first, *_] = detect_study(session)
-        assert first.missing == ("closure", "height")
-        assert {event.kind for event in first.events} <= {"contact", "release", "slip"}
-        where.unlink()
-        assert detect_study(session)[0].events == first.events
-    finally:
-        write_hand(where, rows)
+def test_without_a_hand_and_an_arm_touch_alone_is_looked_at(here: Path) -> None:
+    where = here / "recordings/p01/p01-t01-a1/hand.csv"
+    write_hand(where, [HandRow(row.t_s, row.level, None, None) for row in read_hand(where)])
+    [first, *_] = detect_study(here)
+    assert first.missing == ("closure", "height")
+    assert {event.kind for event in first.events} <= {"contact", "release", "slip"}
+    where.unlink()
+    assert detect_study(here)[0].events == first.events
     assert events_of([], []) == []
 
 
 @pytest.mark.slow
-def test_the_verb_prints_and_says_what_was_not_recorded(session: Path) -> None:
-    done = CliRunner().invoke(study, ["detect", str(session)])
-    assert done.exit_code == 0, done.output
-    assert "p01 trial 1, bag: lift-off" in done.output
-    done = CliRunner().invoke(study, ["detect", str(session), "p01", "--live", "--json"])
-    tree = json.loads(done.output)
-    assert [one["trial"] for one in tree["trials"]] == [1, 2, 3]
-    assert {"kind", "t_s", "confidence", "known_s", "finger"} == set(tree["trials"][0]["events"][0])
-    done = CliRunner().invoke(study, ["detect", str(session), "p09"])
-    assert isinstance(done.exception, InvalidValueError)
-    assert "p09" in str(done.exception)
-
-
-def _empty(tmp_path: Path) -> Path:
-    write_plan(make_plan(participants=1, objects=["bag"], trials=1), tmp_path / "empty")
-    return tmp_path / "empty"
+def test_the_verb_prints(session: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "p01 trial 1, bag: lift-off" in call(capsys, "study", "detect", session)[0]
+    rows = json.loads(call(capsys, "study", "detect", session, "p01", "--live", "--json")[0])["trials"]
+    assert [one["trial"] for one in rows] == [1, 2, 3]
+    assert {"kind", "t_s", "confidence", "known_s", "finger"} == set(rows[0]["events"][0])
+    assert "p09" in call(capsys, "study", "detect", session, "p09", code=1)[1]

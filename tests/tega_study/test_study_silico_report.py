@@ -1,26 +1,36 @@
-"""What a report of simulated people says besides: directions, assumptions, sensitivity, Fig 3. No physics is run."""
+"""What a report says of simulated people; and what an interim one withholds: every number and picture."""
 
 from __future__ import annotations
 
 import csv
 import hashlib
+import json
 import math
-from collections.abc import Callable
+import re
+import shutil
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import numpy as np
 import pytest
-from msgspec.structs import replace
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
-from reference.study_bench import counted
+import msgspec
+import numpy as np
+from msgspec.structs import replace
+from test_study_report import fill
+
+from reference.command import call
+from reference.study_bench import counted, files_of, ran
 from tega.errors import RecordingError
+from tega_study.analyse import Analysis, analyse_study
 from tega_study.difference import directions
 from tega_study.journal import Journal, events_path
+from tega_study.page import number, report_html
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
-from tega_study.report import write_report
+from tega_study.privacy import export
+from tega_study.report import csv_files, write_report
 from tega_study.silico.sensitivity import ARMS, SENSITIVITY, read_sensitivity
 from tega_study.silico.simulate import made_study
 from tega_study.touch_picture import picture_path, read_touch_picture, write_touch_picture
@@ -29,19 +39,14 @@ SHA = "101a8f666f21c0758534eb3afb6042942ec306f22020a4590ac3539a7a26006f"
 OBJECTS = ("bottle", "container", "bag")
 
 
-def fill(folder: Path, plan: StudyPlan, slips: Callable[[PlannedTrial], int]) -> None:
+def happened(folder: Path, plan: StudyPlan, slips: Callable[[PlannedTrial], int]) -> None:
+    def happen(journal: Journal, trial: PlannedTrial, at_ns: int) -> None:
+        journal.add("lift_off", t_ns=at_ns + 10**9, trial=trial.trial)
+        for _ in range(slips(trial)):
+            journal.add("slip", t_ns=at_ns + 2 * 10**9, trial=trial.trial)
+
     for person in plan.participants:
-        with Journal(events_path(folder, person)) as journal:
-            journal.add("session_start", t_ns=0, text=plan.settings.plan_sha256)
-            for trial in plan.of(person):
-                t_ns = trial.trial * 100 * 10**9
-                journal.add("trial_start", t_ns=t_ns, trial=trial.trial)
-                journal.add("lift_off", t_ns=t_ns + 10**9, trial=trial.trial)
-                for _ in range(slips(trial)):
-                    journal.add("slip", t_ns=t_ns + 2 * 10**9, trial=trial.trial)
-                journal.add(
-                    "trial_end", t_ns=t_ns + 15 * 10**9, trial=trial.trial, status="done", success=True
-                )
+        ran(folder, person, happen)
 
 
 def few_with_touch(trial: PlannedTrial) -> int:
@@ -57,7 +62,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
     plan, _ = made_study(
         folder, operators=6, seed=1, objects=OBJECTS, conditions=("haptic", "non-haptic"), trials=2
     )
-    fill(folder, plan, few_with_touch)
+    happened(folder, plan, few_with_touch)
     random = np.random.default_rng(1)
     baseline = random.integers(90, 100, (320, 240, 3), dtype=np.uint8)
     frame = baseline.copy()
@@ -81,7 +86,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
             trials=1, everyone=everyone,
         )  # fmt: skip
         slips = few_with_touch if name in {"base", "vest.weber-low"} else lambda _trial: 4
-        fill(folder / SENSITIVITY / name, small, slips)
+        happened(folder / SENSITIVITY / name, small, slips)
     return folder
 
 
@@ -132,12 +137,12 @@ def test_the_page_says_what_came_out_and_of_which_assumptions(study: Path) -> No
 @pytest.mark.slow
 def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None:
     rows = read_sensitivity(study)
-    assert [(row.what, row.setting, row.end) for row in rows] == [
-        ("base", "", ""),
+    changed = [
         ("vest.weber", "0.12 share", "low"),
         ("vest.weber", "0.65 share", "high"),
         ("arm", "constant", ""),
     ]
+    assert [(row.what, row.setting, row.end) for row in rows] == [("base", "", ""), *changed]
     assert "constant" in ARMS
     assert all(row.people == 3 and row.trials == 18 for row in rows)
     page = write_report(study).page.read_text(encoding="utf-8")
@@ -149,23 +154,122 @@ def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None
 
 
 def test_a_picture_is_read_as_it_was_written_with_what_the_loop_measured(study: Path, tmp_path: Path) -> None:
-    old = read_touch_picture(picture_path(study, read_plan(study).trials[0]))
+    path = picture_path(study, read_plan(study).trials[0])
+    old = read_touch_picture(path)
     assert old.touch.contact.in_contact
     assert old.touch.map is not None
     assert np.count_nonzero(old.touch.map.mask) == old.touch.contact.eda
     moved = old._replace(touch=old.touch._replace(contact=replace(old.touch.contact, eda=7, cci=0.5)))
-    for number, written in enumerate((moved, moved._replace(touch=moved.touch._replace(map=None)))):
-        write_touch_picture(tmp_path / f"{number}.npz", written)
-        again = read_touch_picture(tmp_path / f"{number}.npz")
+    for n, written in enumerate((moved, moved._replace(touch=moved.touch._replace(map=None)))):
+        write_touch_picture(tmp_path / f"{n}.npz", written)
+        again = read_touch_picture(tmp_path / f"{n}.npz")
         kept = ("finger", "mass", "centroid_xy", "spread", "threshold", "eda", "cci", "peak", "peak_xy")
         for name in kept:  # as it was, not as it would be measured now
             assert getattr(again.touch.contact, name) == getattr(written.touch.contact, name), name
         assert (again.touch.map is None) == (written.touch.map is None)
-
-
-def test_a_damaged_picture_is_told(study: Path, tmp_path: Path) -> None:
-    whole = picture_path(study, read_plan(study).trials[0]).read_bytes()
+    whole = path.read_bytes()
     for n in (0, 100, len(whole) // 2):
         (tmp_path / "cut.npz").write_bytes(whole[:n])
         with pytest.raises(RecordingError, match=r"cut\.npz"):
             read_touch_picture(tmp_path / "cut.npz")
+
+
+NUMBER = r"[−-]?\d+\.\d+(?:e-?\d+)?"
+
+
+@pytest.fixture(scope="module")
+def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a study of three people with a real difference; the last has one trial left."""
+    folder = tmp_path_factory.mktemp("made") / "study"
+    fill(folder, people=3)
+    path = events_path(folder, "p03")
+    lines = path.read_bytes().splitlines(keepends=True)
+    last = json.loads(lines[-1])["trial"]
+    path.write_bytes(b"".join(line for line in lines if json.loads(line).get("trial") != last))
+    return folder
+
+
+@pytest.fixture
+def interim(unfinished: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(unfinished, tmp_path / "study"))
+
+
+def _numbers(value: object) -> Iterator[float]:
+    """Return every number that is not whole: whole ones also count trials and people."""
+    if isinstance(value, dict | list):
+        for one in value.values() if isinstance(value, dict) else value:
+            yield from _numbers(one)
+    elif isinstance(value, float) and value != round(value):
+        yield value
+    elif isinstance(value, str):  # a note, such as "Boschloo p = 0.0123"
+        yield from (float(found) for found in re.findall(r"\d+\.\d{2,}", value))
+
+
+def _results(analysis: Analysis) -> dict[str, object]:
+    """Return what a full analysis has beyond the facts that an interim one states."""
+    full: dict[str, object] = json.loads(msgspec.json.encode(analysis))
+    for stated in ("flow", "alpha", "assumptions", "parameters", "object_facts", "source", "version"):
+        del full[stated]
+    return full
+
+
+def test_no_number_of_the_full_analysis_is_in_an_interim_report(interim: Path, tmp_path: Path) -> None:
+    written = write_report(interim, tmp_path / "early")
+    assert written.analysis.blind
+    early = files_of(tmp_path / "early")
+    text = b"\n".join(early.values()).decode()
+    assert "Results are withheld" in text
+    assert not [name for name in early if name.endswith(".svg")]
+    assert "<img" not in text
+    full, (courses, _pictures) = analyse_study(interim, unblind=True)
+    numbers = sorted(set(_numbers(_results(full))))
+    assert len(numbers) > 500
+    displayed = {text_of for value in numbers for text_of in (repr(value), f"{value:.6g}", f"{value:.3g}")}
+    displayed |= {number(value, digits) for value in numbers for digits in (2, 3)}
+    # "0.05" is the level, "0.2 m" the height, "0.0625" and the like stand in the methods' text.
+    fill(tmp_path / "other", people=2, courses=False)
+    events_path(tmp_path / "other", "p02").unlink()
+    write_report(tmp_path / "other", tmp_path / "stated")
+    static = set(re.findall(NUMBER, b"\n".join(files_of(tmp_path / "stated").values()).decode()))
+    assert not set(re.findall(NUMBER, text)) & displayed - static
+    for metric in ("slips", "duration_s", "rank-biserial", "ratio"):
+        assert f'"{metric}":' not in text
+    # The same text with the numbers would be found: the check can fail.
+    whole = report_html(full, {}) + "".join(csv_files(full, courses).values())
+    assert displayed & set(re.findall(NUMBER, whole))
+
+
+def test_unblinding_is_kept_and_reported_for_ever(interim: Path, tmp_path: Path) -> None:
+    early, _ = analyse_study(interim)
+    assert (early.blind, early.tests, early.trials, early.unblinded) == (True, (), (), ())
+    requested, material = analyse_study(interim, unblind=True)
+    assert not requested.blind
+    assert requested.tests
+    assert material.courses
+    (message,) = requested.unblinded
+    assert re.fullmatch(r"\d{4}-\d\d-\d\d: 2 of 3 people complete", message)
+    shutil.rmtree(interim / "sessions" / "p03")
+    (interim / "withdrawn.txt").write_text("p03\n")
+    complete, _ = analyse_study(interim)
+    assert not complete.interim
+    assert complete.unblinded == (message,)
+    assert f"before the plan was complete: {message}" in report_html(complete, {})
+    export(interim, tmp_path / "open", key="secret")
+    shutil.rmtree(tmp_path / "open" / "sessions" / "p02")  # blind again, and quick
+    assert analyse_study(tmp_path / "open")[0].unblinded == ("2 of 3 people complete",)
+
+
+def test_the_verb_withholds_results_unless_told(
+    interim: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("tega_study.report.figures_of", lambda *_: {})
+
+    def printed(*words: str) -> str:
+        return call(capsys, "study", "report", interim, *words)[0]
+
+    displayed = printed()
+    assert "2 people complete; results are withheld" in displayed
+    assert "Table I" not in displayed
+    reported = json.loads(printed("--json"))
+    assert (reported["blind"], reported["table1"], reported["tests"]) == (True, [], [])
+    assert "Table I" in printed("--unblind")

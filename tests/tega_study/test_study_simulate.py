@@ -41,7 +41,6 @@ from tega_study.trials import study_trials
         ({"conditions": ["haptic", "sham"]}, "sham"),
         ({"conditions": ["haptic", "unfelt"]}, "unfelt"),
         ({"conditions": ["ideal-vest", "non-haptic"]}, "ideal-vest"),
-        ({"shard": (3, 2)}, "3/2"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_before_anything_is_written(

@@ -11,14 +11,12 @@ import time
 from pathlib import Path
 
 import pytest
-from click.testing import CliRunner
 
 from reference.command import call
 from reference.processes import until
 from reference.study_bench import ScriptedDesk, StandingBench, quick_study
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.ui.cli.main import cli
 from tega_study.cli.run import COMMANDS
 from tega_study.journal import events_path, read_events
 from tega_study.lead.experimenter import ENTER, Screen
@@ -157,25 +155,28 @@ def _study(folder: Path) -> Path:
     return folder / "study"
 
 
-def _status(folder: Path) -> tuple[dict[str, object], str]:
-    displayed = CliRunner().invoke(cli, ["study", "status", str(folder)])
-    found = CliRunner().invoke(cli, ["study", "status", str(folder), "--json"])
-    return json.loads(found.stdout)["participants"][0], displayed.stdout
+def _status(folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str, object], str]:
+    found = json.loads(call(capsys, "study", "status", folder, "--json")[0])
+    return found["participants"][0], call(capsys, "study", "status", folder)[0]
 
 
-def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(tmp_path: Path) -> None:
+def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = _study(tmp_path)
     desk = _Desk(["a", "a", "a"])
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001, trials=3)
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))
     assert (state.next, state.n_over, state.broken_off) == ((1, 4), 0, [1])
-    row, displayed = _status(folder)
+    row, displayed = _status(folder, capsys)
     assert (row["over"], row["broken_off"], row["without_data"]) == (0, [1], [])
     assert "broken off and to be repeated: 1" in displayed
     assert "broken off and to be repeated: 1" in desk.said[-1]
 
 
-def test_a_trial_is_given_up_by_key_and_the_end_says_so(tmp_path: Path) -> None:
+def test_a_trial_is_given_up_by_key_and_the_end_says_so(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = _study(tmp_path)
     desk = _Desk(["a", "z"], {"trial 1 of 2, again": "k"})
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001)
@@ -185,7 +186,7 @@ def test_a_trial_is_given_up_by_key_and_the_end_says_so(tmp_path: Path) -> None:
     assert state.without_data == {1: "given up", 2: "stopped for safety"}
     message = "2 of 2 trials without data: 1 (given up), 2 (stopped for safety)"
     assert message in desk.said
-    row, displayed = _status(folder)
+    row, displayed = _status(folder, capsys)
     assert (row["over"], row["without_data"]) == (2, [1, 2])
     assert message in displayed
     trials = study_trials(folder)[1]
@@ -194,17 +195,27 @@ def test_a_trial_is_given_up_by_key_and_the_end_says_so(tmp_path: Path) -> None:
 
 
 class _Broken(StandingBench):
-    """Devices that stop in every trial."""
+    """Devices that stop in every trial, or before it begins."""
+
+    def __init__(self, *, begins: bool) -> None:
+        super().__init__()
+        self._begins = begins
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
         going.notify("armed", "")
-        while not going.may_go():
+        while self._begins and not going.may_go():
             pass
-        going.begin(0)
+        if self._begins:
+            going.begin(0)
         raise DeviceUnavailableError("the amplifier is gone")
 
 
-def test_a_session_without_an_experimenter_does_not_repeat_for_ever(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("begins", "message"), [(True, "broke off 3 times"), (False, "cannot begin")])
+def test_a_session_without_an_experimenter_does_not_repeat_for_ever(
+    *, begins: bool, message: str, tmp_path: Path
+) -> None:
     folder = _study(tmp_path)
-    with pytest.raises(DeviceUnavailableError, match="broke off 3 times: the amplifier is gone"):
-        lead_session(folder, "p01", _Broken(), _Desk([]), time_scale=0.001, auto=True)
+    with pytest.raises(DeviceUnavailableError, match=f"{message}: the amplifier is gone"):
+        lead_session(folder, "p01", _Broken(begins=begins), _Desk([]), time_scale=0.001, auto=True)
+    kinds = [event.kind for event in read_events(events_path(folder, "p01"))]
+    assert (kinds[-1], kinds.count("trial_start")) == ("session_stop", 3 * begins)

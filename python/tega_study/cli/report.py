@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tega.ui.cli.options import PATH, echo_json, json_option
 from tega_study.cli.options import FOLDER, answer, shown_option
-
-if TYPE_CHECKING:
-    from tega_study.analyse import Analysis
 
 
 @click.command(epilog="Example: tega-teleop study report my-study")
@@ -30,9 +27,11 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
     who took part and no result. --json prints {page, tables, blind, table1, tests}, tests as in report/tests.csv.
     """
     import msgspec
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
 
-    from tega_study.report import write_report
-    from tega_study.tables import table_1
+    from tega_study.report import table_1, write_report
 
     done = write_report(source, out, unblind=unblind)
     if as_json:
@@ -43,31 +42,20 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
         where = {"page": str(done.page), "tables": str(done.tables), "blind": done.analysis.blind}
         echo_json({**where, "table1": first, "tests": msgspec.to_builtins(tests)})
         return
-    _print(done.analysis)
-    click.echo(f"{done.page}")
-
-
-def _print(analysis: Analysis) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
-
-    from tega_study.tables import table_1
-
-    out = Console(highlight=False, width=110)
+    out, analysis = Console(highlight=False, width=110), done.analysis
     if analysis.interim:
         results = "results are withheld (--unblind shows them)" if analysis.blind else "results shown early"
         out.print(f"interim: {analysis.flow.complete} people complete; {results}")
-    if analysis.blind:
-        return
-    head, *rows = table_1(analysis)
-    title = "Table I, simulated" if analysis.simulated else "Table I"
-    displayed = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
-    for place, name in enumerate(head):
-        displayed.add_column(name, justify="left" if place < 2 else "right")
-    for row in rows:
-        displayed.add_row(*row)
-    out.print(displayed)
+    if not analysis.blind:
+        head, *rows = table_1(analysis)
+        title = "Table I, simulated" if analysis.simulated else "Table I"
+        displayed = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
+        for place, name in enumerate(head):
+            displayed.add_column(name, justify="left" if place < 2 else "right")
+        for row in rows:
+            displayed.add_row(*row)
+        out.print(displayed)
+    click.echo(f"{done.page}")
 
 
 _SIZES = (6, 9, 12, 18, 24)

@@ -150,18 +150,15 @@ def run(
         echo_json({"participant": participant, "over": state.n_over, "trials": n_trials, "next": following})
 
 
-@contextmanager
-def _masking(bench: TrialBench, plan: StudyPlan) -> Iterator[MaskingSound | None]:
-    """Play what masks the motors of the lab's vest, where its settings set a level, and the plan's beeps."""
+def _masking(bench: TrialBench, plan: StudyPlan) -> AbstractContextManager[MaskingSound | None]:
+    """Return what masks the motors of the lab's vest, where its settings set a level, and plays the plan's beeps."""
     from tega_study.lead.benches import LabBench
     from tega_study.masking_sound import MaskingSection, MaskingSound
 
     settings = bench.masking if isinstance(bench, LabBench) else MaskingSection()
     if settings.level_dbfs is None and not plan.settings.probe:
-        yield None
-        return
-    with MaskingSound(settings, beeps=plan.settings.probe) as sound:
-        yield sound
+        return nullcontext()
+    return MaskingSound(settings, beeps=plan.settings.probe)
 
 
 def _lab_bench(

@@ -93,12 +93,13 @@ def confirm(
 
     With --json: {"events": [{"n", "kind", "t_ns"}]}, those that count now; with --list those that were measured.
     """
-    from tega_study.measuring import CORRECTED, confirm_trial
+    from tega_study.journal import SEEN
+    from tega_study.measuring import confirm_trial
     from tega_study.observers import read_measured
 
     if only_list:
         mine = [e for e in read_measured(folder, participant) if (e.trial, e.attempt) == (trial, attempt)]
-        events = [event for event in mine if event.kind in CORRECTED]
+        events = [event for event in mine if event.kind in SEEN]
         lines = [f"{event.n}: {event.text}" for event in events]
     else:
         wanted = []

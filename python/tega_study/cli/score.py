@@ -4,16 +4,12 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tega.ui.cli.options import FILE, PATH, json_option, progress_bar
 from tega_study.cli.options import FOLDER, answer, folder_argument, shown_option
-
-if TYPE_CHECKING:
-    from tega_study.detecting import TrialEvents
-
 
 _COLUMNS = {
     "event": "kind",
@@ -92,19 +88,17 @@ def score(
         lines.append(f"{elan}: {n_elan} ELAN files")
     if found:
         lines.append(f"events within {tolerance_s:g} s are one; delay: second less first")
-        cells = ([_cell(getattr(one, name)) for name in _COLUMNS.values()] for one in found)
+        values = ((getattr(one, name) for name in _COLUMNS.values()) for one in found)
+        cells = (
+            [f"{v:.2f}" if isinstance(v, float) else str("–" if v is None else v) for v in one]
+            for one in values
+        )
         rows = [list(_COLUMNS), *cells]
         widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
         lines += ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
     else:
         lines.append("nothing to compare: two accounts of the same trials are needed, such as two raters")
     answer({"agreements": msgspec.to_builtins(found), "imported": imported, **files}, lines, as_json=as_json)
-
-
-def _cell(value: str | float | None) -> str:
-    if value is None:
-        return "–"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
 
 
 @click.command(epilog="Example: tega-teleop study detect my-study p01")
@@ -135,7 +129,11 @@ def detect(*, folder: Path, participants: tuple[str, ...], live: bool, as_json: 
     for row, one in zip(rows, found, strict=True):
         row |= {"events": [event._asdict() for event in one.events], "unobservable": one.unobservable}
         again = " again" if one.attempt > 1 else ""
-        lines.append(f"{one.participant} trial {one.trial}{again}, {one.object}: {_reported(one)}")
+        named = [event for event in one.events if not event.finger]
+        words = [f"{e.kind.replace('_', '-')} {e.t_s:.2f} s ({e.confidence:.2f})" for e in named]
+        fingers = sum(event.kind == "contact" for event in one.events)
+        words.append(f"{fingers} contact{'' if fingers == 1 else 's'} of fingers")
+        lines.append(f"{one.participant} trial {one.trial}{again}, {one.object}: {', '.join(words)}")
     for subject, lacks in _LACKS.items():
         if n_lack := sum(subject in one.missing for one in found):
             lines.append(f"{n_lack} of {len(found)} trials have no {lacks}")
@@ -146,13 +144,6 @@ _LACKS = {
     "closure": "closure of the hand on record: slips are not observable on this rig",
     "height": "height of the arm on record: lift-off and slips are not observable on this rig",
 }
-
-
-def _reported(one: TrialEvents) -> str:
-    named = [event for event in one.events if not event.finger]
-    words = [f"{e.kind.replace('_', '-')} {e.t_s:.2f} s ({e.confidence:.2f})" for e in named]
-    fingers = sum(event.kind == "contact" for event in one.events)
-    return ", ".join([*words, f"{fingers} contact{'' if fingers == 1 else 's'} of fingers"])
 
 
 @click.command(epilog="Example: tega-teleop study clips my-study r3-clips --rater r3")

@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 import tega
 from tega.errors import RecordingError
 from tega.recording.origin import NOTES, new_session, note_copy
-from tega_study.emg_bids.signal import Gap, Muscles, columns_of, read_muscles, write_edf
+from tega_study.emg_bids.signal import Gap, Muscles, read_muscles, write_edf
 from tega_study.journal import JournalEvent, counting, events_path, read_events
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import own_name
@@ -112,7 +112,8 @@ def _run(
         "RecordingDuration": len(muscles.samples) / muscles.rate_hz,
     }
     _write_json(where / f"{stem}_emg.json", facts)
-    _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns_of(muscles))
+    columns = [f"{f'EMG {name}'[:16]}\tEMG\t{muscles.unit}\t{muscles.rate_hz:g}" for name in muscles.names]
+    _write_table(where / f"{stem}_channels.tsv", "name\ttype\tunits\tsampling_frequency", columns)
     electrodes = where / f"sub-{label(person)}_electrodes.tsv"
     known = electrodes.read_text(encoding="utf-8").splitlines()[1:] if electrodes.is_file() else []
     known += [f"{name}\tn/a\tn/a" for name in muscles.names]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -43,12 +42,9 @@ class Gap(NamedTuple):
 
 
 class Muscles(NamedTuple):
-    """Muscle signals of one recording.
+    """Muscle signals of one recording: float64 (samples, channels), 0 where they were lost.
 
-    Attributes:
-        samples: float64 (samples, channels), in ``unit``; 0 where they were lost.
-        unit: Such as ``uV``; ``n/a`` where the amplifier does not state it.
-        begin_ns: Time of the first sample, since the start of the session.
+    ``unit`` is ``n/a`` where the amplifier does not state it; ``begin_ns`` is since the start of the session.
     """
 
     samples: NDArray[np.float64]
@@ -142,9 +138,3 @@ def _range(column: NDArray[np.float64]) -> tuple[float, float]:
     digits = 10.0 ** (math.floor(math.log10(limit)) - 3)
     limit = math.ceil(limit / digits) * digits
     return -float(f"{limit:.4g}"), float(f"{limit:.4g}")
-
-
-def columns_of(muscles: Muscles) -> Sequence[str]:
-    """Return the rows of ``channels.tsv``."""
-    fields = ("EMG", muscles.unit, f"{muscles.rate_hz:g}")
-    return ["\t".join((f"EMG {name}"[:16], *fields)) for name in muscles.names]

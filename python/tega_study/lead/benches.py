@@ -35,15 +35,6 @@ from tega_study.state import Where
 _POLL_S = 0.01
 
 
-def _mapping(condition: str, given: StageConfig) -> StageConfig:
-    """Return the mapping of a condition: the settings' own, or pulses where the condition is about them."""
-    if condition == "event-gated" and given.name != "pulses":
-        return StageConfig(name="pulses")
-    if condition != "event-gated" and given.name == "pulses":
-        return StageConfig(name="columns")
-    return given
-
-
 class TrialBench:
     """Place of a trial: the lab's devices, or the simulated bench.
 
@@ -79,9 +70,8 @@ class LabBench(TrialBench):
     """The devices of settings: opened for each trial, closed after it, recorded meanwhile.
 
     The vest is open in every condition. Without touch to be felt it is sent zeros (reading A36). Of
-    ``config``, duration, pace, output and recording folder are ignored; muscles and at least one fingertip
-    are required. ``settings`` is how its file is named in what an error suggests; ``where`` is ``emulated``
-    where the devices are emulators.
+    ``config``, duration, pace, output and recording folder are ignored. ``settings`` is how its file is named
+    in what an error suggests.
     """
 
     def __init__(
@@ -113,10 +103,13 @@ class LabBench(TrialBench):
         bus = Bus()
         bus.subscribe(MuscleCondition, going.muscles)
         replace, stages = msgspec.structs.replace, self._config.stages
+        gated = trial.condition == "event-gated"
+        if gated != (stages.mapping.name == "pulses"):
+            stages = replace(stages, mapping=StageConfig(name="pulses" if gated else "columns"))
         # The devices do not know what is lifted; without touch to be felt they are sent zeros, see Going.feel.
         config = replace(
             self._config,
-            stages=replace(stages, mapping=_mapping(trial.condition, stages.mapping)),
+            stages=stages,
             session=replace(self._config.session, pace="real", duration_s=None, out_dir=None),
             recording=replace(self._config.recording, dir=folder.absolute()),
         )
@@ -140,9 +133,8 @@ class LabBench(TrialBench):
 class SimulatedBench(TrialBench):
     """The simulated bench with a simulated participant: for rehearsals. All of its data are simulated.
 
-    The plan's seed and the person's id decide who the participant is. ``real_time`` keeps to the machine's
-    clock; otherwise it is as fast as it goes. ``preset`` chooses readings of the loop, ``settings`` are
-    ``key=value`` of the loop; they are written beside each trial's tables, in ``loop.toml``.
+    The plan's seed and the person's id decide who the participant is. Without ``real_time`` it is as fast as it
+    goes. Preset and settings of the loop are written beside each trial's tables, in ``loop.toml``.
     """
 
     sees_height = own_time = True

@@ -29,12 +29,7 @@ _POLL_S = 0.05
 
 
 class Screen(NamedTuple):
-    """Contents of the experimenter's screen.
-
-    Attributes:
-        phase: In a word.
-        big: The large line: a clock, or what to do.
-    """
+    """Contents of the experimenter's screen; ``big`` is the large line: a clock, or what to do."""
 
     phase: str
     heading: str
@@ -240,9 +235,8 @@ def keys_of(*, sees_height: bool, measures_height: bool = False) -> list[tuple[s
 def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, ...]]:
     """Return which keys of the session each pedal presses.
 
-    ``pedals`` are one to five different keys that mean nothing else, also in ``tasks``, which the bench
-    offers in a rest: to go on and mark the height, to end the trial, for a slip, for a deformation, to do the
-    trial again; empty for none.
+    ``pedals`` are up to five different keys that mean nothing else, also in ``tasks``, which the bench offers in
+    a rest: to go on and mark the height, to end the trial, for a slip, a deformation, to do the trial again.
     """
     for task in tasks:
         if task.key in pedals:

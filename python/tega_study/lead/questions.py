@@ -139,11 +139,9 @@ _IN_A_LINE: Final = 7
 
 
 class BlockQuestions:
-    """Questions after one block; an answer is an event of the session, and so is its undoing.
+    """Questions after one block, whose last trial is ``trial``; ``over`` once all are answered and kept.
 
-    Enter comes first: a slip that is keyed a moment late, once the trial is over, answers nothing. ``trial``
-    is the number of the block's last trial, ``heading`` where in the session this is. ``over`` once all are
-    answered and kept.
+    Enter comes first: a slip that is keyed a moment late, once the trial is over, answers nothing.
     """
 
     def __init__(self, journal: Journal, clock: Clock, trial: int, heading: str) -> None:

@@ -45,7 +45,17 @@ def running(heading: str, led: LedTrial, window_s: float, *, bench: TrialBench) 
         "preparing": going.reason or "devices start",
         "countdown": f"ready … {max(1, round(led.left_s + 0.5))}",
     }.get(led.phase, f"{going.elapsed_s():5.1f} s of {window_s:g}")
-    lines = [] if led.phase != "trial" else [_about(led)]
+    lines, rule, events = [], led.rule, led.events()
+    if led.phase == "trial":
+        how = "on the table" if led.lift_off_s is None else "off the table"
+        if rule.lifted:
+            how = "lifted and held"
+        elif rule.since_s is not None:
+            how = "at the mark"
+        slips, deformations, drops = (
+            sum(event.kind == kind for event in events) for kind in ("slip", "deformation", "drop")
+        )
+        lines.append(f"{how}   slips {slips}   deformations {deformations}   drops {drops}")
     if going.state == "hold":
         lines.append(f"hold: {going.reason}")
     keys = [("a", "break off")]
@@ -63,21 +73,6 @@ def ended(led: LedTrial, end: JournalEvent) -> list[str]:
     if led.lift_off_s is None and any(event.kind == "slip" for event in led.events()):
         parts.append("No lift-off was marked, so the slips of this trial count as before lift-off.")
     return parts
-
-
-def _about(led: LedTrial) -> str:
-    rule = led.rule
-    if rule.lifted:
-        how = "lifted and held"
-    elif rule.since_s is not None:
-        how = "at the mark"
-    elif led.lift_off_s is not None:
-        how = "off the table"
-    else:
-        how = "on the table"
-    events = led.events()
-    n = {kind: sum(event.kind == kind for event in events) for kind in ("slip", "deformation", "drop")}
-    return f"{how}   slips {n['slip']}   deformations {n['deformation']}   drops {n['drop']}"
 
 
 GIVE_UP = "k"
@@ -101,10 +96,7 @@ class TrialBefore:
         return next(((event.trial, event.attempt) for event in ends), None)
 
     def ended_ns(self, now_ns: int) -> int | None:
-        """Return when that trial ended, by the session's clock; ``None`` before the first trial.
-
-        ``now_ns`` is the time now, and the answer where the end cannot be known.
-        """
+        """Return when that trial ended; ``None`` before the first, the time now where it cannot be known."""
         ended = (event for event in reversed(self._journal.events) if event.kind == "trial_end")
         ended_ns = next((event.t_ns for event in ended if event.status != "skipped"), None)
         if ended_ns is None:

@@ -59,24 +59,19 @@ def lead_session(
     bench: TrialBench,
     desk: Desk,
     *,
-    clock: Clock | None = None,
     pedals: str = "",
     trials: int | None = None,
     **options: Any,
 ) -> SessionState:
     """Lead a session, new or after a stop at any moment.
 
-    Without ``clock`` it goes by the machine's monotonic one. ``pedals`` are the keys that foot pedals type,
-    see :func:`tega_study.lead.experimenter.pedal_keys`. It stops after so many ``trials``; ``None`` for all.
-    ``options`` are those of :class:`LeadOptions`.
+    ``pedals`` are the keys that foot pedals type, see :func:`tega_study.lead.experimenter.pedal_keys`. It stops
+    after so many ``trials``; ``None`` for all. ``options`` are those of :class:`LeadOptions`.
 
-    Raises:
-        InvalidValueError: Unknown participant ID, answer key or pedal already in use, a condition cannot be
-            run on this bench, or the plan is not for sessions on it.
-        RecordingError: The study is damaged, or the person has withdrawn.
-        DeviceUnavailableError: Another program has the session open, no device can play the plan's beeps, the
-            masking sound has stopped, or a trial cannot begin and no experimenter is there.
-        KeyboardInterrupt: ``stop`` returned true, or the desk's person has gone.
+    Raises ``InvalidValueError`` if the plan, a condition, a pedal or the answer key is not for this bench,
+    ``RecordingError`` if the study is damaged or the person has withdrawn, ``DeviceUnavailableError`` if another
+    program has the session open, the plan's beeps cannot be played, the masking sound has stopped, or a trial
+    cannot begin and no experimenter is there; ``KeyboardInterrupt`` if ``stop`` or the desk says so.
     """
     plan, chosen = read_plan(folder), LeadOptions(**options)
     for condition in plan.settings.conditions:
@@ -88,7 +83,7 @@ def lead_session(
             raise DeviceUnavailableError(
                 "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
             )
-    clock = SystemClock() if clock is None else clock
+    clock = SystemClock()
     journal, _state = resume(folder, plan, participant, t_ns=clock.now_ns(), where=bench.where)
     with journal:
         lead = _Lead(folder, plan, participant, journal, bench, desk, clock, pressed, chosen)
@@ -223,9 +218,8 @@ class _Lead:
             events = self._journal.events
             reported = [*self._before.lines(), *muscle_sentence(events), *squeeze_sentence(events)]
             screen = waiting(heading, thing, left_s, reported, [*offered, *self._before.keys])
-            self._telling.show(
-                screen, self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
-            )
+            board = self._as_board(screen.phase, trial, attempt, until_ns=until_ns if resting else None)
+            self._telling.show(screen, board)
             time.sleep(_POLL_S)
 
     def _rest_task(self, task: RestTask, heading: str) -> None:
@@ -262,19 +256,13 @@ class _Lead:
         heading = self._heading(trial)
         while not led.step(self._received()):
             going = led.going
-            until_ns = None if going.started_ns is None else going.started_ns + round(window_s * 1e9)
-            self._telling.show(
-                running(heading, led, window_s, bench=self._bench),
-                self._as_board(
-                    led.phase,
-                    trial,
-                    attempt,
-                    until_ns=until_ns,
-                    started_ns=going.started_ns if led.phase == "trial" else None,
-                    says=going.reason,
-                    health=going.alerts,
-                ),
-            )
+            shown: dict[str, Any] = {"says": going.reason, "health": going.alerts}
+            if going.started_ns is not None:
+                shown["until_ns"] = going.started_ns + round(window_s * 1e9)
+            if led.phase == "trial":
+                shown["started_ns"] = going.started_ns
+            board = self._as_board(led.phase, trial, attempt, **shown)
+            self._telling.show(running(heading, led, window_s, bench=self._bench), board)
             time.sleep(_POLL_S)
         self._led = None
         if led.broke and self._auto:
@@ -322,15 +310,7 @@ class _Lead:
         return self._reported.take()
 
     def _as_board(
-        self,
-        phase: str,
-        trial: PlannedTrial | None,
-        attempt: int = 1,
-        *,
-        until_ns: int | None = None,
-        started_ns: int | None = None,
-        says: str = "",
-        health: tuple[str, ...] = (),
+        self, phase: str, trial: PlannedTrial | None, attempt: int = 1, **shown: Any
     ) -> SessionBoard:
         return SessionBoard(
             t_ns=self._clock.now_ns(),
@@ -340,10 +320,7 @@ class _Lead:
             object="" if trial is None else trial.object,
             n_over=self._state.n_over,
             n_trials=len(self._mine),
-            started_ns=started_ns,
-            until_ns=until_ns,
             window_s=self._plan.settings.window_s,
-            says=says,
             n_told=self._reported.n_taken,
-            health=health,
+            **shown,
         )

@@ -189,7 +189,13 @@ def notify(
     which the session's board goes by. ``DeviceUnavailableError`` if the session is not led on this machine or
     takes longer than ``timeout_s``; ``RecordingError`` if the path for commands is a link, or not a file.
     """
-    board = _fresh(folder, participant, clock)
+    board = read_board(board_path(folder, participant))
+    led = board is not None and board.phase not in {"over", "stopped"}
+    if board is None or not led or not 0 <= (clock.now_ns() - board.t_ns) / 1e9 <= FRESH_S:
+        raise DeviceUnavailableError(
+            f"no program leads the session of {participant} on this machine, or it is waiting for a typed answer",
+            f"look at its terminal, or begin it with tega-teleop study run {folder} {participant} ...",
+        )
     line = msgspec.json.encode(CommandLine(command)) + b"\n"
     with open_to_append(commands_path(folder, participant)) as file:
         file.write(line)  # goes out in one call, so that two programs' lines are never mixed
@@ -202,16 +208,4 @@ def notify(
     raise DeviceUnavailableError(
         f"the session of {participant} did not take {command!r} within {timeout_s:g} s",
         "it may be waiting for a typed answer; look at its terminal",
-    )
-
-
-def _fresh(folder: Path, participant: str, clock: Clock) -> SessionBoard:
-    board = read_board(board_path(folder, participant))
-    if board is not None and board.phase not in {"over", "stopped"}:
-        age_s = (clock.now_ns() - board.t_ns) / 1e9
-        if 0 <= age_s <= FRESH_S:
-            return board
-    raise DeviceUnavailableError(
-        f"no program leads the session of {participant} on this machine, or it is waiting for a typed answer",
-        f"look at its terminal, or begin it with tega-teleop study run {folder} {participant} ...",
     )

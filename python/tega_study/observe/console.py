@@ -13,14 +13,14 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Digits, Input, Static
 
-from tega_study.journal import Kind
+from tega_study.journal import CODES, SEEN
 from tega_study.observe.observing import Now, Observing
 
 _POLL_S = 0.1
 _REPEAT_NS = 80_000_000
-_KEYS: dict[str, Kind] = {"l": "lift_off", "s": "slip", "d": "deformation", "x": "drop"}
-_NAMES = {"lift_off": "lift-off", "slip": "slip", "deformation": "deformation", "drop": "drop"}
-_SCORED = [(key, _NAMES[_KEYS[key]]) for key in "sdxl"]
+_KEYS = {CODES[kind]: kind for kind in SEEN if kind in CODES}
+_NAMES: dict[str, str] = {kind: kind.replace("_", "-") for kind in CODES}
+_SCORED = [(key, _NAMES[kind]) for kind, key in CODES.items()]
 _HELP = "   ".join(
     f"[b]{key}[/] {subject}" for key, subject in (*_SCORED, ("u", "undo"), ("n", "note"), ("q q", "quit"))
 )

@@ -7,14 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple, Self
 
 from tega.errors import InvalidValueError, RecordingError
-from tega_study.journal import Journal, JournalEvent, Kind, counting, events_path, read_events
+from tega_study.journal import CODES, Journal, JournalEvent, Kind, counting, events_path, read_events
 from tega_study.lead.tell import FRESH_S, SessionBoard, board_path, read_board
 from tega_study.observers import PART, RECORDED, WHOLE, observer_path
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.study_notes import check_stays
-
-OBSERVED: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop")
-"""Kinds of events that a rater can see."""
 
 LATE_NS = 1_000_000_000
 """So long after a trial's end an event still belongs to it, and so late a rater may come and have seen it all."""
@@ -33,9 +30,8 @@ class Now(NamedTuple):
     """State of the session as a rater is shown it.
 
     Attributes:
-        board: The session's newest board; ``None`` before it was first led.
-        running: The trial that goes on, its attempt, and when it began on the session's clock; or ``None``.
-        newest: The trial that goes on or was the last one, and its attempt; or ``None``.
+        running: The trial that goes on, its attempt, and when it began on the session's clock.
+        newest: The trial that goes on or was the last one, and its attempt.
         events: The rater's events of that trial, without undone ones.
     """
 
@@ -93,7 +89,7 @@ class Observing:
         self._attend(start, end)
         running = None if end is not None else (trial, attempt, start.t_ns)
         mine = counting(self.journal.events, trial.trial, attempt)
-        shown = tuple(event for event in mine if event.kind in {*OBSERVED, "note"})
+        shown = tuple(event for event in mine if event.kind in {*CODES, "note"})
         return Now(board, led, running, (trial, attempt), shown, following)
 
     def press(self, kind: Kind, t_ns: int) -> str:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from tega_study.detecting import DETECTOR, NOT_OBSERVABLE, read_detected
-from tega_study.journal import JournalEvent, Kind, attempts, counting, events_path, read_events
+from tega_study.journal import SEEN, JournalEvent, Kind, attempts, counting, events_path, read_events
 from tega_study.lead.running_trial import ARM
 from tega_study.observers import CAMERA, read_measured, read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
@@ -24,19 +24,15 @@ _NEVER: dict[str, frozenset[Kind]] = {
     ARM: frozenset({"slip", "deformation"}),
 }
 """Kinds of events that an account does not look for."""
-KINDS: tuple[Kind, ...] = ("lift_off", "slip", "deformation", "drop", "placed")
 TOLERANCE_S = 1.0
 """Tolerance for a live rater: seeing, deciding and pressing take 0.25 to 0.6 s, more for rare events."""
 
 
 class Scored(NamedTuple):
-    """A trial as one account has it.
+    """A trial (person, trial, attempt) as one account has it.
 
-    Attributes:
-        key: Person, trial, attempt.
-        times_s: Times of its events by kind or by the name in the plan, rising, from its start; none before
-            the start or after the end.
-        unobservable: Kinds that the account cannot have in this trial.
+    ``times_s`` are by kind or by the name in the plan, rising, from the trial's start and within it;
+    ``unobservable`` the kinds that the account cannot have.
     """
 
     key: tuple[str, int, int]
@@ -60,7 +56,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
             DETECTOR: read_detected(folder, person),
         }
         simulated = any(e.kind == "lift_off" and e.source == "auto" for e in main)
-        pressed = any(e.kind in KINDS and e.source == EXPERIMENTER for e in main)
+        pressed = any(e.kind in SEEN and e.source == EXPERIMENTER for e in main)
         for start, end in attempts(main, with_data=True):
             own = counting(main, start.trial, start.attempt)
             journal: dict[str, Sequence[JournalEvent]] = {}
@@ -73,29 +69,16 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
                 journal[ARM] = arm
             if pressed:
                 journal[EXPERIMENTER] = [event for event in own if event.source == EXPERIMENTER]
+            key, length_s = (person, start.trial, start.attempt), (end.t_ns - start.t_ns) / 1e9
             for name, seen in journal.items():
-                key = person, start.trial, start.attempt
-                kinds = (*KINDS, *plan.settings.behaviours)
-                accounts.setdefault(name, []).append(_scored(key, start, end, seen, kinds))
+                times: dict[str, list[float]] = {kind: [] for kind in (*SEEN, *plan.settings.behaviours)}
+                for event in sorted(seen, key=lambda one: one.t_ns):
+                    kind = event.item if event.kind == "behaviour" else event.kind
+                    if kind in times:  # a late press belongs to the trial, and within it
+                        times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
+                blind = frozenset(event.item for event in seen if event.text == NOT_OBSERVABLE)
+                accounts.setdefault(name, []).append(Scored(key, length_s, times, blind))
     return accounts
-
-
-def _scored(
-    key: tuple[str, int, int],
-    start: JournalEvent,
-    end: JournalEvent,
-    events: Sequence[JournalEvent],
-    kinds: Sequence[str],
-) -> Scored:
-    length_s = (end.t_ns - start.t_ns) / 1e9
-    times: dict[str, list[float]] = {kind: [] for kind in kinds}
-    for event in events:
-        kind = event.item if event.kind == "behaviour" else event.kind
-        if kind in times:
-            # A late press belongs to the trial, and within it.
-            times[kind].append(min(max((event.t_ns - start.t_ns) / 1e9, 0.0), length_s))
-    blind = frozenset(event.item for event in events if event.text == NOT_OBSERVABLE)
-    return Scored(key, length_s, {kind: sorted(found) for kind, found in times.items()}, blind)
 
 
 def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreement]:
@@ -116,7 +99,7 @@ def agreements(folder: Path, *, tolerance_s: float = TOLERANCE_S) -> list[Agreem
         first = {one.key: one for one in accounts[a]}
         second = {one.key: one for one in accounts[b]}
         both = [key for key in first if key in second]
-        for kind in (*KINDS, *own):
+        for kind in (*SEEN, *own):
             if kind in own and not {a, b}.isdisjoint(_PLACES):
                 continue  # only raters look for the behaviours that the plan names
             if any(kind in _NEVER.get(name, ()) for name in (a, b)):

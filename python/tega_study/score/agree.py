@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats, statsmodels
+from tega_study.people import finite
 
 _EPS = 1e-9
 _TURNS = 60
@@ -103,10 +104,7 @@ def kappa(
 
 
 def icc(counts: Sequence[Sequence[float]]) -> Icc:
-    """Return ICC(A,1), absolute agreement of single raters, two-way (McGraw and Wong 1996).
-
-    ``counts`` has one row a trial, one column a rater.
-    """
+    """Return ICC(A,1), absolute agreement of single raters (columns), two-way (McGraw and Wong 1996)."""
     table = np.asarray(counts, dtype=np.float64)
     nothing = Icc(math.nan, math.nan, math.nan)
     if len(table) < 2 or table.shape[1] < 2:
@@ -146,8 +144,8 @@ def agreement(
 ) -> Agreement:
     """Compare two accounts of the same trials.
 
-    ``a`` and ``b`` have the times of each trial from its start; a pair is at most ``tolerance_s`` apart. For
-    the chance level, the second's events are turned round by so many even parts (``turns``) of a trial.
+    ``a`` and ``b`` have the times of each trial from its start. For the chance level, the second's events are
+    turned round by so many even parts (``turns``) of a trial.
     """
 
     def pairs(shift: float) -> list[float]:
@@ -179,11 +177,7 @@ def agreement(
         delay_s=float(np.mean(apart)) if apart else None,
         delay_sd_s=float(np.std(apart, ddof=1)) if len(apart) > 1 else None,
         kappa=kappa(a, b, lengths_s) if lengths_s else None,
-        icc=_number(same.value),
-        icc_low=_number(same.low),
-        icc_high=_number(same.high),
+        icc=finite(same.value),
+        icc_low=finite(same.low),
+        icc_high=finite(same.high),
     )
-
-
-def _number(value: float) -> float | None:
-    return None if math.isnan(value) else value

@@ -15,13 +15,11 @@ from tega.runtime.files.annotations import CodedEvent, check_times, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import Journal, JournalEvent, attempts, counting, events_path, read_events
+from tega_study.journal import CODES, Journal, JournalEvent, attempts, counting, events_path, read_events
 from tega_study.observers import PART, WHOLE, check_new, observer_path, read_observers
 from tega_study.plan import StudyPlan, read_plan
 from tega_study.privacy import note_elsewhere
 
-CODES = {"slip": "s", "deformation": "d", "drop": "x", "lift_off": "l"}
-"""Behaviours of a project, which are kinds of events, and their keys."""
 _ID = re.compile(r"(p\d+)_t(\d+)_a([12])(?:_(.+))?")
 
 
@@ -114,12 +112,11 @@ def _behaviours(plan: StudyPlan) -> dict[str, str]:
 def import_boris(folder: Path, path: Path, rater: str) -> dict[str, int]:
     """Take in events coded in BORIS or ELAN as those of a new rater; return the number of trials by person.
 
-    ``path`` is a BORIS project (``.boris``, ``.boris.gz``), a tabular or aggregated export as TSV or CSV, or
-    an ELAN file (``.eaf``) or a folder of them, named by their trials. Observations are named as
-    :func:`export_boris` names them. Of several of a trial the one that ends in the rater's code is taken,
-    else the one that ends in none, and the detector's only where there is no other. ``rater`` is a new code,
-    without events in these sessions (``InvalidValueError``). Observations and behaviours must be the study's,
-    and events inside of their trial (``RecordingError``).
+    ``path`` is a BORIS project, a tabular or aggregated export as TSV or CSV, or an ELAN file or a folder of
+    them. Observations are named as :func:`export_boris` names them. Of several of a trial the one that ends in
+    the rater's code is taken, else the one that ends in none, and the detector's only where there is no other.
+    ``InvalidValueError`` if the rater has scored these sessions, ``RecordingError`` if observations or
+    behaviours are not the study's, or events outside of their trial.
     """
     plan = read_plan(folder)
     signed, known = plan.settings.plan_sha256, list(_behaviours(plan))

@@ -1,9 +1,8 @@
 """Make blind clips of recorded trials for raters who code in BORIS, and read their coding.
 
-A clip is one person's trial with its frames and the scene's. Its number is drawn from the study's seed and the
-rater's code, and reveals neither person nor trial nor condition. The assignment is stored in the study's folder, in
-``clips/RATER.json``. With proposals the project holds the events of the session's rule and of the detector, each to
-be confirmed, rejected or moved.
+A clip is one person's trial with its frames and the scene's. Its number reveals neither person nor trial nor
+condition; the assignment is in the study's folder, in ``clips/RATER.json``. With proposals the project holds the events
+of the session's rule and of the detector, each to be confirmed, rejected or moved.
 """
 
 from __future__ import annotations
@@ -24,12 +23,12 @@ from tega.runtime.files.foreign_file import parse_json, plain_name, read_foreign
 from tega.runtime.files.whole_file import write_whole
 from tega_scene.record import filmed_cameras, own_recording
 from tega_study.detecting import DETECTOR, read_detected
-from tega_study.journal import counting, events_path, read_events
+from tega_study.journal import CODES, counting, events_path, read_events
 from tega_study.observers import PROPOSED, RECORDED, check_new
 from tega_study.order import shuffled
 from tega_study.plan import read_plan
 from tega_study.privacy import note_elsewhere
-from tega_study.score.boris import CODES, CodedTrial, ended_attempts, write_coded
+from tega_study.score.boris import CodedTrial, ended_attempts, write_coded
 from tega_study.score.clip_video import RATE_HZ, SceneReel, write_clip
 from tega_study.score.recorded import RecordedTrial, recorded_trials
 from tega_study.study_notes import staying, withdrawn_ids

@@ -176,7 +176,7 @@ def read_reel(trial: RecordedTrial) -> Reel:
 
 def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     """Read an MCAP file once, from its beginning to its end."""
-    from tega.recording.mcap_reader import McapReader
+    from tega.recording.mcap_reader import McapReader, read_picture
     from tega.recording.pictures import paired
 
     cv2 = require("cv2", driver="recording", extra="record")
@@ -191,7 +191,16 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
             newest_ns = max(newest_ns, since_ns)
             if message.schema == "tega.Frame":
                 strip = strips.setdefault(message.topic.split("/")[2], _Strip([], []))
-                _keep(strip, message.value.t_ns - trial.zero_ns, message.image, cv2)
+                t_ns, picture = message.value.t_ns - trial.zero_ns, message.image
+                if picture is None or (strip.t_ns and t_ns - strip.t_ns[-1] < _APART_NS):
+                    continue
+                if picture.schema == "foxglove.CompressedImage":
+                    data = bytes(picture.value.data)
+                else:  # of a lossless recording: raw they do not fit into memory
+                    quality = [cv2.IMWRITE_JPEG_QUALITY, 95]
+                    data = cv2.imencode(".jpg", read_picture(picture), quality)[1].tobytes()
+                strip.t_ns.append(t_ns)
+                strip.jpegs.append(data)
     except TegaError:
         raise
     except Exception as error:  # of a damaged file decoders raise what they like
@@ -206,20 +215,6 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
         raise RecordingError(f"{path.name} is of another trial: it was begun at another time")
     _reaches(trial, newest_ns)
     return Reel(strips, boot_ns=epoch_ns - began_ns)
-
-
-def _keep(strip: _Strip, t_ns: int, picture: Any, cv2: Any) -> None:
-    """Keep a picture as it is recorded or, of a lossless recording, as JPEG: raw they don't fit into memory."""
-    from tega.recording.mcap_reader import read_picture
-
-    if picture is None or (strip.t_ns and t_ns - strip.t_ns[-1] < _APART_NS):
-        return
-    if picture.schema == "foxglove.CompressedImage":
-        data = bytes(picture.value.data)
-    else:
-        data = cv2.imencode(".jpg", read_picture(picture), [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
-    strip.t_ns.append(t_ns)
-    strip.jpegs.append(data)
 
 
 def _of_bench(trial: RecordedTrial) -> Reel:

@@ -41,7 +41,6 @@ class Assumptions(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     """Assumptions that decide the outcome of a study in silico, besides its plan.
 
     Attributes:
-        version: Of the program that ran it.
         frozen: Whether the parameter file is the one that was frozen before the first run.
         everyone: Parameters, ``section.name``, that everybody had the same value of.
         settings: Of the loop, as ``key=value``, see :class:`tega_sim.plan.TrialPlan`.

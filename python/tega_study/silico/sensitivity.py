@@ -1,8 +1,7 @@
 """Vary one assumption at a time, and find over which range each of the paper's directions holds.
 
-Each change is a small study in silico of its own, in ``sensitivity/<change>/`` of the study's folder, with the same
-people and chance as the others. A parameter is set to either end of its range for everybody; the sham arms take the
-place of the first condition.
+Each change is a small study of its own, in ``sensitivity/<change>/``, with the same people and chance as the others. A
+parameter is set to either end of its range for everybody; the sham arms take the place of the first condition.
 """
 
 from __future__ import annotations

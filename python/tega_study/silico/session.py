@@ -10,7 +10,7 @@ import hashlib
 import shutil
 import tempfile
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from tega.runtime.files.whole_file import write_whole
 from tega_sim.lab import Lab
 from tega_sim.operator import Parameters
-from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.plan import TrialPlan
 from tega_sim.streams import Streams
 from tega_study.coupling import TouchCourse, write_course
-from tega_study.journal import Journal, events_path
+from tega_study.journal import Journal, Status, events_path
 from tega_study.plan import PlannedTrial, StudySettings
 from tega_study.silico.assumptions import Assumptions
 from tega_study.touch_picture import FingerPicture, picture_path, write_touch_picture
@@ -103,8 +103,13 @@ def _go(job: SessionJob, folder: Path) -> None:
             result = lift.result(lift.end_s)
             results.write(msgspec.json.encode(result) + b"\n")
             write_course(course_path(folder, trial), _course(streams))
-            _keep(journal, trial, t_ns, result)
+            own: dict[str, Any] = {"trial": trial.trial, "source": "auto"}
+            journal.add("trial_start", t_ns=t_ns, trial=trial.trial)
+            for event in result.events:
+                journal.add(event.kind, t_ns=t_ns + round(event.t_s * 1e9), **own)
             t_ns += round(result.duration_s * 1e9)
+            status: Status = "done" if result.success else "failed_task"
+            journal.add("trial_end", t_ns=t_ns, status=status, success=result.success, **own)
             felt = job.pictures and trial.condition == job.settings.conditions[0]
             if felt and trial.object not in pictured:
                 pictured.add(trial.object)
@@ -137,21 +142,6 @@ def person_seed(seed: int, person: str) -> int:
     """Return the seed that decides who a simulated person of a study is."""
     digest = hashlib.sha256(f"tega-simulate|{seed}|{person}".encode()).digest()
     return int.from_bytes(digest[:4]) % (2**31 // PEOPLE_APART) * PEOPLE_APART
-
-
-def _keep(journal: Journal, trial: PlannedTrial, start_ns: int, result: TrialResult) -> None:
-    journal.add("trial_start", t_ns=start_ns, trial=trial.trial)
-    for event in result.events:
-        at_ns = start_ns + round(event.t_s * 1e9)
-        journal.add(event.kind, t_ns=at_ns, trial=trial.trial, source="auto")
-    journal.add(
-        "trial_end",
-        t_ns=start_ns + round(result.duration_s * 1e9),
-        trial=trial.trial,
-        status="done" if result.success else "failed_task",
-        success=result.success,
-        source="auto",
-    )
 
 
 def _course(streams: Streams) -> TouchCourse:

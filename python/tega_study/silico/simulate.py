@@ -39,10 +39,9 @@ def run_sessions(
     """Run sessions and put each into its study's folder as soon as it is over.
 
     ``workers`` are processes on this machine, 0 for as many as there are cores; with 1 all run in this
-    process. With ``dask``, the address of a scheduler, its workers run them, and need not share a disk with
-    this machine; ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError``
-    if no scheduler answers or it has no worker. ``progress`` gets the number of finished trials, with
-    ``dask`` after each session.
+    process. With ``dask``, the address of a scheduler, its workers run them and need no disk in common;
+    ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError`` if no scheduler
+    answers or it has no worker. ``progress`` gets the number of finished trials.
     """
     if not jobs:
         return
@@ -166,10 +165,6 @@ def simulate(
     ``requested`` are other arguments of :func:`made_study`.
     """
     part, parts = shard
-    if not 1 <= part <= parts:
-        raise InvalidValueError(
-            f"shard = {part}/{parts}: cannot be", "write i/n with i from 1 to n, such as 2/4"
-        )
     plan, stated = made_study(folder, operators=operators, **requested)
     mine = plan.participants[part - 1 :: parts]
     run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
@@ -190,10 +185,8 @@ def made_study(
 ) -> tuple[StudyPlan, Assumptions]:
     """Plan a study in silico and write plan and assumptions, or find the same ones in ``folder``.
 
-    ``objects`` are names in :data:`tega_sim.world.OBJECTS`, or other objects by name, such as those of
-    :func:`tega_sim.world.crossed`. ``conditions`` are names in
-    :data:`tega_sim.conditions.SESSION_CONDITIONS`; the first is compared with the second. ``trials`` are per
-    person, object and condition. ``assumed`` are other arguments of
+    ``objects`` are names in :data:`tega_sim.world.OBJECTS`, or other objects by name; ``conditions`` names in
+    :data:`tega_sim.conditions.SESSION_CONDITIONS`. ``assumed`` are other arguments of
     :func:`tega_study.silico.assumptions.assume`.
     """
     for subject, names, known in (
