@@ -1,6 +1,6 @@
 """Average the trials as the paper's Table I does, measure differences over people, and compare with the paper's.
 
-The paper's numbers are those of its Table I and text; its objects 1 to 3 are bottle, container and bag here.
+The paper's objects 1 to 3 are bottle, container and bag here.
 """
 
 from __future__ import annotations

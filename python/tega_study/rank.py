@@ -1,7 +1,7 @@
 """Compare two groups of trials by ranks: the Mann-Whitney test that the paper prints, effect size, Holm.
 
-The tests treat every trial as a sample of its own, which trials of one person are not; they are here since the paper's
-numbers are of this kind. See :mod:`tega_study.people` for tests that reach beyond the trials at hand.
+The tests treat every trial as a sample of its own, which trials of one person are not. Those of
+:mod:`tega_study.people` reach beyond the trials at hand.
 """
 
 from __future__ import annotations
@@ -72,8 +72,9 @@ def mann_whitney(x: ArrayLike, y: ArrayLike) -> MannWhitney:
     rough = stats.mannwhitneyu(first, second, method="asymptotic")
     u, p_asymptotic = float(rough.statistic), float(rough.pvalue)
     conditional = _conditional(first, second) if n + m <= EXACT_UP_TO else None
-    exact = conditional is not None and not ties
-    p, method = (conditional, "exact") if exact else (p_asymptotic, "asymptotic")
+    p, method = p_asymptotic, "asymptotic"
+    if conditional is not None and not ties:
+        p, method = conditional, "exact"
     a = u / (n * m)
     low, high = rank_biserial_interval(a, n, m)
     return MannWhitney(u, p, method, p_asymptotic, conditional, a, 2 * a - 1, low, high)

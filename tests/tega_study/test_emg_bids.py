@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from reference.sessions import rewritten
 from tega.errors import RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega_study.emg_bids.dataset import export_bids
-from tega_study.emg_bids.signal import read_muscles, write_edf
+from tega_study.emg_bids.signal import Muscles, read_muscles, write_edf
 from tega_study.privacy import withdraw
 
 
@@ -100,13 +101,20 @@ def test_every_sample_is_there_to_half_a_step_and_every_event_at_its_time(
     assert [row["participant_id"] for row in people] == list(made.people)
 
 
-def test_lost_samples_are_zero_and_named(tmp_path: Path, recording: Path) -> None:
-    def lose(topic: str, value: Any) -> Any:
-        if topic == "/emg/samples" and value.first_index >= 500:
-            value.first_index += 250
-        return value
+def test_lost_samples_are_zero_and_named_and_those_that_contradict_each_other_an_error(
+    tmp_path: Path, recording: Path
+) -> None:
+    def read(first: Callable[[int], int]) -> Muscles | None:
+        def change(topic: str, value: Any) -> Any:
+            if topic == "/emg/samples":
+                value.first_index = first(value.first_index)
+            return value
 
-    muscles = read_muscles(rewritten(recording, tmp_path / "lossy.mcap", lose))
+        return read_muscles(rewritten(recording, tmp_path / f"{first(600)}.mcap", change))
+
+    with pytest.raises(RecordingError, match="sample 0 follows sample"):
+        read(lambda _index: 0)
+    muscles = read(lambda index: index + 250 * (index >= 500))
     assert muscles is not None
     assert [(gap.duration_s, gap.kind) for gap in muscles.gaps] == [(0.25, "lost")]
     at = round(muscles.gaps[0].onset_s * 1000)
@@ -126,13 +134,3 @@ def test_who_has_withdrawn_is_not_in_it_and_without_signals_nothing_is_left(
     with pytest.raises(RecordingError, match="no muscle signals"):
         export_bids(folder, tmp_path / "empty")
     assert not (tmp_path / "empty").exists()
-
-
-def test_samples_that_contradict_each_other_are_an_error(tmp_path: Path, recording: Path) -> None:
-    def back(topic: str, value: Any) -> Any:
-        if topic == "/emg/samples" and value.first_index:
-            value.first_index = 0
-        return value
-
-    with pytest.raises(RecordingError, match="sample 0 follows sample"):
-        read_muscles(rewritten(recording, tmp_path / "back.mcap", back))

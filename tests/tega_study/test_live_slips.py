@@ -56,11 +56,6 @@ def _height_m(t_s: float) -> float:
     return 0.1 + 0.1 * min(max(t_s - _LIFTED_S, 0.0), 1.0)
 
 
-def _held(t_s: float) -> Contact:
-    """A hold that stays as it is."""
-    return _FIRM if t_s > 0.3 else _NONE
-
-
 def _loaded(t_s: float) -> Contact:
     """A light grip that load comes upon from 2.5 s on, while what is touched moves on: a slip for touch alone."""
     if t_s <= 0.3:
@@ -76,14 +71,14 @@ class Ran:
     def __init__(
         self,
         *,
-        touch: Callable[[float], Contact] = _held,
+        touch: Callable[[float], Contact] = lambda t_s: _FIRM if t_s > 0.3 else _NONE,
         angles_rad: Callable[[float], NDArray[np.float64] | None] | None = _angles_rad,
         height_m: Callable[[float], float | None] = _height_m,
         pulses: bool = True,
         reflex: bool = False,
     ) -> None:
         bus, self.events, self.looks, self.vest = Bus(), list[Event](), list[HandLook](), Sink()
-        self.grips: list[ReflexGrip] = []
+        self.grips = list[ReflexGrip]()
         bus.subscribe(Event, self.events.append, vital=True)
         bus.subscribe(HandLook, self.looks.append, vital=True)
         pacer = Pacer(ManualClock())
@@ -97,14 +92,12 @@ class Ran:
             )
         frames = [replace(touch(k / 60), t_ns=round(k * 1e9 / 60)) for k in range(round(60 * _END_S))]
         fingers = ("thumb", "index")
-        arc = None
-        if reflex:
-            arc = ReflexArc(
-                GripReflex(ReflexSetup(fingers), GripReflexOptions()),
-                ReflexSection(name="grip", authority=1.0),
-                snapshot=lambda _t_ns: ReflexInputs(1.0, allowed=True, measured=None),
-                notify=self.grips.append,
-            )
+        arc = ReflexArc(
+            GripReflex(ReflexSetup(fingers), GripReflexOptions()),
+            ReflexSection(name="grip", authority=1.0),
+            snapshot=lambda _t_ns: ReflexInputs(1.0, allowed=True, measured=None),
+            notify=self.grips.append,
+        )
         wired_loop(
             pacer,
             TouchLoop(
@@ -117,7 +110,7 @@ class Ran:
             vests=[self.vest],
             hands=[],
             bus=bus,
-            reflex=arc,
+            reflex=arc if reflex else None,
             poll_hand=looks,
         ).run()
 
@@ -130,10 +123,7 @@ class Ran:
         return [t_ns / 1e9 for t_ns, frame in self.vest.sent if frame.intensities.max() == 100]
 
 
-@cache
-def _by_touch() -> Ran:
-    """Return a run in which touch alone tells of the slip."""
-    return Ran(touch=_loaded, angles_rad=None)
+_by_touch = cache(lambda: Ran(touch=_loaded, angles_rad=None))
 
 
 def test_a_slip_that_touch_does_not_show_is_told_by_joints_and_height_and_pulses() -> None:

@@ -92,8 +92,8 @@ def test_an_episode_is_kept_discarded_and_done_again_by_one_key_at_a_time(tmp_pa
     taken = EpisodeTaker(lab(), folder, operator, task="lift the bottle", pedals="bnm").take()
     assert [line.step for line in taken] == ["kept", "discarded", "discarded", "kept", "discarded"]
     # Of the three that were discarded nothing is left but their lines.
-    assert files(folder) == [EPISODES, "session.json", "trial-001.mcap", "trial-002.mcap"]
     names = ["trial-001.mcap", "trial-002.mcap"]
+    assert files(folder) == [EPISODES, "session.json", *names]
     index = json.loads((folder / "session.json").read_text())["trials"]
     rows = [(trial["file"], trial["state"], trial["task"]) for trial in index]
     assert rows == [(name, "complete", "lift the bottle") for name in names]
@@ -115,9 +115,8 @@ def test_a_run_that_ends_by_itself_is_asked_about_and_one_that_fails_is_discarde
     operator = _Operator(("ready", ENTER), ("decide", ENTER))
     taken = EpisodeTaker(lab(0.6), tmp_path / "short", operator, task="touch").take(most=1)
     assert [line.step for line in taken] == ["kept"]
-    broken = lab(
-        emg={"driver": "emg-file", "kind": "raw", "options": {"file": "missing.csv", "rate_hz": 1000.0}}
-    )
+    options = {"file": "missing.csv", "rate_hz": 1000.0}
+    broken = lab(emg={"driver": "emg-file", "kind": "raw", "options": options})
     operator = _Operator(("ready", ENTER), ("ready", "qq"))
     (line,) = EpisodeTaker(broken, tmp_path / "broken", operator, task="touch").take()
     assert (line.step, "missing.csv" in line.why) == ("discarded", True)
@@ -179,7 +178,7 @@ def test_an_episode_that_the_program_did_not_live_to_end_is_kept_and_said_to_be_
         EpisodeJournal(folder)
 
 
-def test_pedals_that_mean_something_else_are_refused(tmp_path: Path) -> None:
+def test_pedals_that_mean_something_else_and_a_folder_of_something_else_are_refused(tmp_path: Path) -> None:
     for pedals in ("q", "x", "bb", "bnmk", "ba", "b,b", "b,,n", "left,x", "left,right"):
         with pytest.raises(InvalidValueError, match="pedals"):
             EpisodeTaker(lab(), tmp_path / "s", _Operator(), task="touch", pedals=pedals)
@@ -187,6 +186,10 @@ def test_pedals_that_mean_something_else_are_refused(tmp_path: Path) -> None:
     config = lab(input={"marker": {"driver": "spacemouse", "button": "left"}})
     with pytest.raises(InvalidValueError, match=r"marker\.button = 'left' lets no other button through"):
         EpisodeTaker(config, tmp_path / "s", _Operator(), task="touch", pedals="left,right")
+    (tmp_path / "mine.txt").write_text("mine")
+    with pytest.raises(ConfigError, match="holds no session"):
+        EpisodeTaker(lab(), tmp_path, _Operator(), task="touch")
+    assert files(tmp_path) == ["mine.txt"]
 
 
 _JOYSTICK = {"report": "joystick", "vendor_id": 0x05F3, "button_byte": 3}
@@ -257,13 +260,6 @@ def test_a_marker_that_is_not_named_among_the_pedals_only_marks(tmp_path: Path) 
     assert marked(tmp_path / "s" / line.file) == ["1"]
 
 
-def test_a_folder_of_something_else_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "mine.txt").write_text("mine")
-    with pytest.raises(ConfigError, match="holds no session"):
-        EpisodeTaker(lab(), tmp_path, _Operator(), task="touch")
-    assert files(tmp_path) == ["mine.txt"]
-
-
 def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> str:
     return call(capsys, "recording", *words, code=code)[code > 0]
 
@@ -273,15 +269,13 @@ def test_recordings_are_labelled_anew_and_stay_as_they_are(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / "s"
-    for _ in range(2):
-        record(folder)
-    before = [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")]
+    before = [record(folder).read_bytes() for _ in range(2)]
     named = json.loads(called(capsys, "relabel", str(folder), "--task", "lift the bag", "--json"))
     assert named == ["trial-001.mcap", "trial-002.mcap"]
     called(capsys, "relabel", str(folder), "trial-002.mcap", "--task", "press the bag")
     tasks = [recorded_task(folder / f"trial-00{n}.mcap") for n in (1, 2, 3)]
     assert tasks == ["lift the bag", "press the bag", None]
-    assert [(folder / name).read_bytes() for name in ("trial-001.mcap", "trial-002.mcap")] == before
+    assert [(folder / name).read_bytes() for name in named] == before
     absent = ("relabel", str(folder), "trial-009.mcap", "--task", "x")
     assert "holds no trial-009.mcap" in called(capsys, *absent, code=1)
 
@@ -297,9 +291,8 @@ def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(
     def is_picture(topic: str) -> bool:
         return topic.endswith("/image")
 
-    assert [m for m in messages(small) if not is_picture(m[0])] == [
-        m for m in messages(whole) if not is_picture(m[0])
-    ]
+    rest, whole_rest = ([m for m in messages(path) if not is_picture(m[0])] for path in (small, whole))
+    assert rest == whole_rest
     ours, theirs = ([m for m in messages(path) if is_picture(m[0])] for path in (small, whole))
     assert [m[:3] for m in ours] == [m[:3] for m in theirs]
     assert sum(len(m[3]) for m in ours) < 0.2 * sum(len(m[3]) for m in theirs)

@@ -34,16 +34,14 @@ class _ByArm(SimulatedBench):
         observe = going.observe
 
         def keep(kind: Any, t_ns: int, value: float = 0.0) -> None:
-            if kind == "height" and value > 0:
-                self.true.setdefault("lift_off", t_ns / 1e9)
-            if kind == "height" and value < 0.2:
-                self.true.pop("up", None)
-            elif kind == "height":
-                self.true.setdefault("up", t_ns / 1e9)
-            elif kind == "drop":
-                self.true.setdefault("drop", t_ns / 1e9)
-            else:
+            if kind not in {"height", "drop"}:
                 observe(kind, t_ns, value)
+            if value > 0:
+                self.true.setdefault("lift_off", t_ns / 1e9)
+            if kind == "height" and value >= 0.2:
+                self.true.setdefault("up", t_ns / 1e9)
+            elif kind == "height":
+                self.true.pop("up", None)
 
         going.observe = keep  # type: ignore[method-assign]
         super().run(trial, going, folder)

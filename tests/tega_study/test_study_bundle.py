@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import re
 import shutil
 import zipfile
@@ -265,14 +264,6 @@ def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(
     with pytest.raises(RecordingError, match=f"{name} is not as it was written"):
         open_bundle(bundle, tmp_path / "there")
     assert not (tmp_path / "there").exists()
-
-
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe")
-@pytest.mark.timeout(30)
-def test_no_pipe_is_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "p01.zip")
-    with pytest.raises(RecordingError, match="is a pipe"):
-        open_bundle(tmp_path / "p01.zip", tmp_path / "there")
 
 
 @pytest.mark.usefixtures("study")

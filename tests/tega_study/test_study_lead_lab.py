@@ -220,16 +220,16 @@ def test_a_task_of_a_rest_is_ended_by_the_experimenter_and_tells_what_was_wrong(
     def fail(_running: RunningTask) -> RestTaskEnd:
         raise DeviceUnavailableError("the amplifier went away", "look at its cable")
 
-    waiting = RunningTask(RestTask("g", "wait", "squeeze", wait))
+    def running(run: Any) -> RunningTask:
+        return RunningTask(RestTask("g", "a task", "squeeze", run))
+
+    waiting, failing = running(wait), running(fail)
     assert not waiting.over
-    waiting.end()
+    for task in (waiting, failing, broken := running(lambda _running: RestTaskEnd(value=1 / len(())))):
+        task.end()
     assert waiting.over
     assert waiting.result() == "ended by the experimenter"
-    failing = RunningTask(RestTask("g", "fail", "squeeze", fail))
-    failing.end()
     assert "the amplifier went away" in str(failing.result())
-    broken = RunningTask(RestTask("g", "break", "squeeze", lambda _running: RestTaskEnd(value=1 / len(()))))
-    broken.end()
     with pytest.raises(ZeroDivisionError):
         broken.result()
 

@@ -8,6 +8,7 @@ import os
 import time
 from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,6 +24,7 @@ from tega_study.state import resume
 from tega_study.trials import study_trials
 
 S = 1_000_000_000
+DONE: dict[str, Any] = {"status": "done", "success": True, "source": "auto"}
 
 
 @pytest.fixture
@@ -52,7 +54,7 @@ def test_what_a_rater_saw_whole_counts_and_the_first_rater_wins(folder: Path) ->
             assert first.press("slip", 14 * S) == ""
             assert first.press("deformation", 14 * S) == ""
             assert first.undo(15 * S) == ""
-            main.add("trial_end", t_ns=20 * S, trial=1, status="done", success=True, source="auto")
+            main.add("trial_end", t_ns=20 * S, trial=1, **DONE)
             # A second late is human; later it would belong to no trial.
             assert first.press("slip", 21 * S) == ""
             assert "no trial" in first.press("slip", 22 * S)
@@ -77,7 +79,7 @@ def test_a_console_that_was_away_says_so_and_its_trial_does_not_count(folder: Pa
         with Observing(folder, "p01", "r1", t_ns=13 * S) as observing:
             assert len(observing.check(13 * S).events) == 1
             observing.press("slip", 14 * S)
-            main.add("trial_end", t_ns=20 * S, trial=1, status="done", success=True, source="auto")
+            main.add("trial_end", t_ns=20 * S, trial=1, **DONE)
             observing.check(21 * S)
     path = observer_path(folder, "p01", "r1")
     assert kinds(path) == ["session_start", "trial_start", "slip", "session_start", "slip", "trial_end"]
@@ -117,7 +119,7 @@ def test_an_export_has_the_raters_under_new_names(folder: Path, tmp_path: Path) 
         with Observing(folder, "p01", "anna", t_ns=S) as observing:
             observing.note("secret", 11 * S)
             observing.press("slip", 11 * S)
-            main.add("trial_end", t_ns=20 * S, trial=1, status="done", success=True, source="auto")
+            main.add("trial_end", t_ns=20 * S, trial=1, **DONE)
             observing.check(20 * S)
     export(folder, tmp_path / "open", key="k")
     everything = b"".join(path.read_bytes() for path in (tmp_path / "open").rglob("*.jsonl"))

@@ -51,21 +51,22 @@ def test_what_cannot_be_simulated_is_refused_before_anything_is_written(
     assert not (tmp_path / "s").exists()
 
 
+SMALL: dict[str, Any] = {"operators": 1, "objects": ["bag"], "trials": 1, "jobs": 1}
+
+
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A study of one person and two trials."""
     folder = tmp_path_factory.mktemp("silico") / "s"
-    reported: list[tuple[int, int]] = []
-    notify: Any = lambda _, done, n: reported.append((done, n))  # noqa: E731
-    simulate(folder, operators=1, objects=["bag"], trials=1, jobs=1, progress=notify)
-    assert reported[0] == (0, 2)
-    assert reported[-1] == (2, 2)
+    reported: list[tuple[Any, ...]] = []
+    simulate(folder, **SMALL, progress=lambda *now: reported.append(now))
+    assert (reported[0], reported[-1]) == (("trials", 0, 2), ("trials", 2, 2))
     return folder
 
 
 @pytest.mark.slow
 def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path) -> None:
-    plan = simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
+    plan = simulate(small, **SMALL)
     whole = files_of(small)
     assert unfinished(small, plan) == []
     assert len(study_trials(small)[1]) == 2
@@ -87,7 +88,7 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
     (small / ".running" / "p01" / "courses" / "p01").mkdir(parents=True)  # left by the run that was ended
     (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").write_bytes(b"half")
     assert unfinished(small, plan) == ["p01"]
-    simulate(small, operators=1, objects=["bag"], trials=1, jobs=1)
+    simulate(small, **SMALL)
     assert files_of(small) == whole
 
 
@@ -100,7 +101,7 @@ def test_another_study_or_other_assumptions_are_refused_in_the_same_folder_and_t
     changed, shipped = tmp_path / "changed.toml", (files("tega_sim.operator") / PARAMETERS).read_bytes()
     changed.write_bytes(shipped.replace(b"value = 0.30, sd = 0.10", b"value = 0.31, sd = 0.10"))
     with pytest.raises(InvalidValueError, match=r"begun with another (simulation|parameters)\.toml"):
-        simulate(small, operators=1, objects=["bag"], trials=1, jobs=1, parameters=changed)
+        simulate(small, **SMALL, parameters=changed)
     stated = read_assumptions(small)
     assert stated is not None
     assert stated.frozen, "parameters.toml has changed: that is another study, never another frozen file"
@@ -142,18 +143,15 @@ def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path
                 killed.append(pids[worker])
             time.sleep(0.05)
 
+    two = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
     with (
-        distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=50
-        ) as cluster,
-        distributed.Client(cluster.scheduler_address) as watcher,
+        distributed.LocalCluster(**two) as cluster,
+        distributed.Client(address := cluster.scheduler_address) as watcher,
     ):
         killer = threading.Thread(target=kill_one, args=(watcher, watcher.run(os.getpid)))
         killer.start()
         try:
-            simulate(
-                tmp_path / "there", operators=3, objects=["bag"], trials=1, dask=cluster.scheduler_address
-            )
+            simulate(tmp_path / "there", operators=3, objects=["bag"], trials=1, dask=address)
         finally:
             killed.append(0)
             killer.join()
@@ -195,10 +193,9 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
 
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
-    requested = ["--operators", "2", "--objects", "bag", "--trials", "1", "--jobs", "2", "--out", str(folder)]
-    words = ["-m", "tega.ui.cli", "study", "simulate", *requested]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen([sys.executable, *words], stdout=quiet, stderr=quiet)
+    words = "-m tega.ui.cli study simulate --operators 2 --objects bag --trials 1 --jobs 2 --out"
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    return subprocess.Popen([sys.executable, *words.split(), str(folder)], **quiet)
 
 
 def workers_of(pid: int) -> list[int]:

@@ -1,4 +1,1 @@
-"""Lead a session: take participant and experimenter through the planned trials.
-
-Every decision is an event in the session's journal; a stop at any moment loses no acknowledged event.
-"""
+"""Lead a session: every decision is an event in its journal, so that a stop loses no acknowledged event."""

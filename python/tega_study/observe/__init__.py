@@ -1,5 +1,4 @@
-"""Observe a running session: one key an event, in a separate file for each rater.
+"""Observe a running session: one key an event. A rater's file is their own; either side can stop and restart.
 
-A console reads the session's files, and writes only the rater's file, so either side can stop and restart at any
-moment. Raters do not see one another, nor the condition. Recordings are coded in BORIS.
+Raters do not see one another, nor the condition. Recordings are coded in BORIS.
 """

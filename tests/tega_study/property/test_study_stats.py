@@ -23,22 +23,18 @@ small = st.lists(st.integers(0, 6).map(float), min_size=1, max_size=7)
 
 
 def u_of(x: list[float], y: list[float]) -> Fraction:
-    return sum(
-        (Fraction(1) if a > b else Fraction(1, 2) if a == b else Fraction(0) for a in x for b in y),
-        Fraction(0),
-    )
+    return Fraction(sum((a > b) + (a >= b) for a in x for b in y), 2)
 
 
 def enumerated_p(x: list[float], y: list[float]) -> Fraction:
     """Twice the smaller tail of U over all ways to split the values, in fractions."""
-    values, seen = x + y, u_of(x, y)
-    low = high = total = 0
+    values, seen, us = x + y, u_of(x, y), list[Fraction]()
     for chosen in itertools.combinations(range(len(values)), len(x)):
-        first = [values[i] for i in chosen]
         second = [values[i] for i in range(len(values)) if i not in chosen]
-        u = u_of(first, second)
-        low, high, total = low + (u <= seen), high + (u >= seen), total + 1
-    return min(Fraction(1), 2 * Fraction(min(low, high), total))
+        us.append(u_of([values[i] for i in chosen], second))
+    return min(
+        Fraction(1), 2 * Fraction(min(sum(u <= seen for u in us), sum(u >= seen for u in us)), len(us))
+    )
 
 
 @settings(max_examples=25)
