@@ -243,7 +243,7 @@ def _row(
     effect: _Effect = _NONE,
     *,
     note: str = "",
-    **numbers: float | None,
+    **numbers: Any,
 ) -> Test:
     name, value, low, high = effect
     if name == "ratio" and low is None:

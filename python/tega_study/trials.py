@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
@@ -198,7 +199,7 @@ def _rated(trial: Trial, seen: Sequence[JournalEvent], rater: str, start_ns: int
     )
 
 
-def _slips(slips_s: Sequence[float], lift_off_s: float | None) -> dict[str, int]:
+def _slips(slips_s: Sequence[float], lift_off_s: float | None) -> dict[str, Any]:
     before = sum(lift_off_s is None or t_s < lift_off_s for t_s in slips_s)
     return {"slips": len(slips_s) - before, "slips_before": before}
 

@@ -41,7 +41,7 @@ def test_what_is_given_is_kept_and_the_rest_stays(study: Path, tmp_path: Path) -
     (tmp_path / "IMG 01.JPG").write_bytes(PHOTO)
     note_object(study, "bag", stiffness_n_per_mm=0.21, photo=tmp_path / "IMG 01.JPG")
     note_object(study, "bottle", friction=0.6)
-    words = {"measured": "kitchen scale, 1 g", "photo": "objects/bag.jpg"}
+    words: dict[str, Any] = {"measured": "kitchen scale, 1 g", "photo": "objects/bag.jpg"}
     bag = ObjectFacts(mass_g=32.0, stiffness_n_per_mm=0.21, **words)
     assert read_objects(study) == {"bag": bag, "bottle": ObjectFacts(friction=0.6)}
     assert (study / "objects/bag.jpg").read_bytes() == PHOTO

@@ -194,8 +194,8 @@ def test_shards_and_workers_give_the_same_study(tmp_path: Path) -> None:
 def begun(folder: Path) -> subprocess.Popen[bytes]:
     """Begin a study of two people with two workers, in a program of its own."""
     words = "-m tega.ui.cli study simulate --operators 2 --objects bag --trials 1 --jobs 2 --out"
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen([sys.executable, *words.split(), str(folder)], **quiet)
+    quiet = subprocess.DEVNULL
+    return subprocess.Popen([sys.executable, *words.split(), str(folder)], stdout=quiet, stderr=quiet)
 
 
 def workers_of(pid: int) -> list[int]:

@@ -42,10 +42,10 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
         where = {"page": str(done.page), "tables": str(done.tables), "blind": done.analysis.blind}
         echo_json({**where, "table1": first, "tests": msgspec.to_builtins(tests)})
         return
-    out, analysis = Console(highlight=False, width=110), done.analysis
+    console, analysis = Console(highlight=False, width=110), done.analysis
     if analysis.interim:
         results = "results are withheld (--unblind shows them)" if analysis.blind else "results shown early"
-        out.print(f"interim: {analysis.flow.complete} people complete; {results}")
+        console.print(f"interim: {analysis.flow.complete} people complete; {results}")
     if not analysis.blind:
         head, *rows = table_1(analysis)
         title = "Table I, simulated" if analysis.simulated else "Table I"
@@ -54,7 +54,7 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
             displayed.add_column(name, justify="left" if place < 2 else "right")
         for row in rows:
             displayed.add_row(*row)
-        out.print(displayed)
+        console.print(displayed)
     click.echo(f"{done.page}")
 
 

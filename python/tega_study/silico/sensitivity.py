@@ -16,7 +16,7 @@ import msgspec
 from tega.errors import ConfigError, InvalidValueError, RecordingError
 from tega_sim.operator import load_parameters
 from tega_study.difference import Direction, directions
-from tega_study.plan import read_plan
+from tega_study.plan import StudyPlan, read_plan
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions, read_parameters
 from tega_study.silico.session import RUNNING, SessionJob
 from tega_study.silico.simulate import Progress, jobs_of, made_study, run_sessions, unfinished
@@ -95,7 +95,7 @@ def run_sensitivity(
     settings = read_plan(folder).settings
     part, parts = shard
     todo: list[SessionJob] = []
-    made = []
+    made: list[tuple[Path, StudyPlan]] = []
     for change in _changes(folder, varied):
         where = folder / SENSITIVITY / change.name
         plan, small = made_study(
