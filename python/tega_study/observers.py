@@ -1,7 +1,6 @@
 """Read the accounts of a session beside its own events: the raters' files, and a scene camera's measurements.
 
-The camera's events, ``measured.jsonl``, are overwritten by each measurement. A rater confirms or corrects a trial in a
-separate file, ``observers/camera+ID.jsonl``, which counts as a rater's does.
+A rater confirms or corrects the camera's in a separate file, ``observers/camera+ID.jsonl``.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Keep what is noted beside a plan: objects, who has withdrawn, and who compared conditions before it was complete.
 
-Properties of objects are mass, stiffness, friction, a photo, and how each was measured. They are in ``objects.toml``,
-one table an object, for people to read and edit; photos are in ``objects/``. The plan names the objects only, and stays
-unchanged.
+Properties of objects are in ``objects.toml``, one table an object, for people to read and edit; photos are in
+``objects/``. The plan names the objects only, and stays unchanged.
 """
 
 from __future__ import annotations

@@ -48,7 +48,6 @@ def whole(tmp_path_factory: pytest.TempPathFactory, clipped: Path) -> Path:
 
 @pytest.fixture
 def made(tmp_path: Path, whole: Path) -> Path:
-    """Return the study of which there are clips."""
     shutil.copytree(whole, tmp_path, dirs_exist_ok=True)
     return tmp_path / "study"
 
