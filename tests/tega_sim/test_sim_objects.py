@@ -16,7 +16,7 @@ from tega.ui.cli.main import main
 from tega_sim.plan import TrialPlan
 from tega_sim.trials import plan_trials, read_results, summarise_trials
 from tega_sim.world import OBJECTS, crossed, read_objects
-from tega_study.silico.assumptions import assume, assumption_files, code_sha256, read_assumptions
+from tega_study.silico.assumptions import assume, code_sha256, read_assumptions
 from tega_study.silico.simulate import made_study
 
 TIN = """
@@ -181,8 +181,7 @@ def test_the_commands_refuse_objects_and_factors_that_cannot_be(
 
 def older_study(folder: Path, shear: str) -> Path:
     """Write the statement of a study as version 0.2 did: with shear, and with reliefs of its objects."""
-    stated, people = assume({"bag": OBJECTS["bag"]})
-    for name, content in assumption_files(stated, people).items():
+    for name, content in assume({"bag": OBJECTS["bag"]})[1].items():
         (folder / name).write_bytes(content)
     path = folder / "simulation.toml"
     bag = "[objects.bag]\n"

@@ -236,7 +236,10 @@ def test_a_vest_that_tells_nothing_changes_nothing() -> None:
     """The negative control: the same person with the same chance does exactly the same."""
     without, *shams = (
         msgspec.structs.replace(
-            run_trial(TrialPlan(object="bag", condition=condition, seed=1)), condition="haptic"
+            # Practising with a vest is simulated, whatever it shows.
+            run_trial(TrialPlan(object="bag", condition=condition, seed=1)),
+            condition="haptic",
+            simulated_s=0.0,
         )
         for condition in ("non-haptic", "silent", "unfelt")
     )

@@ -50,7 +50,9 @@ def test_samples_come_back(kind, seed, n_channels, n, loud, tmp_path):
 _TEXT = [kind for kind, writer in WRITERS.items() if writer.name.endswith((".csv", ".txt", ".lvm", ".gz"))]
 
 
-@pytest.mark.parametrize("n", [50, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "n", [50, pytest.param(1000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.deep)]
+)
 @pytest.mark.parametrize("kind", WRITERS)
 def test_mutants_end_in_samples_or_in_errors_of_tega(kind: str, n: int, tmp_path: Path) -> None:
     writer, n_alike = WRITERS[kind], len(_TEXT) if kind in _TEXT else 1

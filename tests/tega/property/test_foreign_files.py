@@ -147,6 +147,8 @@ _MEDIA = [
 
 
 @pytest.mark.parametrize("kind", _MEDIA)
-@pytest.mark.parametrize("n", [60, pytest.param(10_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "n", [60, pytest.param(1000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.deep)]
+)
 def test_a_mutated_file_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: Path) -> None:
     ends_with_errors_however_mutated(READERS[kind], kind, n, tmp_path)
