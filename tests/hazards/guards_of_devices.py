@@ -97,13 +97,13 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the loop does not ask how the hand is",
-        "hazards/test_lost::a_hand_in_trouble_is_let_go_and_the_vest_rests",
+        "hazards/test_lost::a_hand_in_trouble_is_let_go_and_the_vest_rests[silence-silent]",
         "        self._check().say(level, added)",
         "        (self._end or self._check()).say(level, added)",
     ),
     Guard(
         "the dead-man is not asked",
-        "hazards/test_lost::a_dead_man_that_is_released_unplugged_or_frozen_holds",
+        "hazards/test_lost::a_dead_man_that_is_released_unplugged_or_frozen_holds[lifted]",
         "is not None and not dead_man.held:",
         "is not None and False:",
     ),
