@@ -147,8 +147,8 @@ def test_what_was_said_with_a_real_hand_is_computed_again_with_what_was_added() 
         frames, t_ns = stuck_hand(k), k * 3 * MS
         added = 0.5 if 200 <= k < 300 else 0.0
         sent = bus_frames(link.exchange(frames, t_ns, 3.0, added))
-        told = {"received": bus_frames(frames), "sent": sent, "action": "exchange", "added": added}
-        exchanges.append(HandExchange(t_ns=t_ns, level=3, **told))
+        told: dict[str, Any] = {"action": "exchange", "added": added}
+        exchanges.append(HandExchange(t_ns=t_ns, level=3, received=bus_frames(frames), sent=sent, **told))
     assert sum(len(one.sent) >= 4 for one in exchanges[200:]) > 150
     tree = {"hand": {"options": {"interface": "virtual", "channel": "x", "silent_after_ms": 30.0}}}
 
@@ -213,7 +213,7 @@ def test_a_reflex_without_authority_acts_at_full_authority_in_the_arms_that_have
     named = ["stages.reflex.name=grip", "stages.reflex.most_levels=1"]
     sensed = {"closure": lambda: 2.0, "slip_mm_s": lambda: 10.0, "forces_n": lambda: (1.0,) * 4}
 
-    def reported(reports: Any, authority: float) -> float:
+    def reported(reports: Any, authority: float) -> Any:
         config = load_config(None, environ={}, sets=[*named, f"stages.reflex.authority={authority}"]).config
         arc = trial_arc(config, reports, **sensed)
         return 3.0 + [arc.step(n * 3 * MS, 3.0, lambda: {"thumb": slipping(1.0)}) for n in range(200)][-1]

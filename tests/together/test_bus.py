@@ -32,8 +32,9 @@ def state(t_ns: int) -> RunState:
 
 def test_records_come_in_the_order_they_are_published_to_subscribers_in_theirs() -> None:
     bus, reported = Bus(), list[tuple[int, str, int]]()
-    for k, kind in enumerate((Record, Record, Alert)):
-        bus.subscribe(kind, lambda r, k=k: reported.append((k, r.where, r.log_ns)))
+    bus.subscribe(Record, lambda r: reported.append((0, r.where, r.log_ns)))
+    bus.subscribe(Record, lambda r: reported.append((1, r.where, r.log_ns)))
+    bus.subscribe(Alert, lambda r: reported.append((2, r.where, r.log_ns)))
     bus.publish(state(1))
     bus.publish(Alert(t_ns=2, name="x", said="y"))
     assert reported == [(k, "/run/state", 1) for k in (0, 1)] + [(k, "/run/alert", 2) for k in (0, 1, 2)]

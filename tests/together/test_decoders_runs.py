@@ -39,10 +39,10 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
         for first, part in parts
     ]
     record = folder / "20261122-150405.toml"
-    who = {"person": "p01", "device": "d", "driver": "synthetic-emg", "made": utc_now(), "preset": "live"}
-    what = {"duration_s": seconds, "in_target_percent": 50.0, "rms_error_levels": 0.5}
+    who: dict[str, Any] = {"person": "p01", "device": "d", "driver": "synthetic-emg", "preset": "live"}
+    what: dict[str, Any] = {"duration_s": seconds, "in_target_percent": 50.0, "rms_error_levels": 0.5}
     emg_of: dict[str, Any] = {"kind": "raw", "rate_hz": rate_hz, "channels": names}
-    write_record(PracticeRecord(seed=1, **who, **what, **emg_of), record)
+    write_record(PracticeRecord(seed=1, made=utc_now(), **who, **what, **emg_of), record)
     keep_tracked(tracked_samples(chunks, curve, rate_hz=rate_hz, start_ns=10**9), record)
     found, _ = read_tracked(record)
     assert np.array_equal(found.samples, emg)
