@@ -19,7 +19,7 @@ OWN_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
         *("inspect", "export", "trim", "merge", "sim-trials", "emg-score", "identify", "forward"),
         *("recording annotate", "recording export", "recording inspect", "recording merge", "recording trim"),
         *("emg inspect", "emg recalibrate", "vest identify"),
-        *("hand decode", "hand measure", "hand show", "hand teach", "arm check", "arm forward"),
+        *("hand measure", "hand show", "hand teach", "arm check", "arm forward"),
         *("config check", "config show"),
     ),
     "formats": ("csv", "parquet"),
