@@ -7,6 +7,7 @@ from pathlib import Path
 
 import click
 
+from tega.runtime.lifecycle import require
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.options import progress_bar
 
@@ -15,6 +16,7 @@ def _export(
     recordings: Sequence[Path], out: Path, *, fps: int, task: str | None, scenes: Sequence[str]
 ) -> list[Path]:
     # The help of `recording export` lists the formats, and a table needs nothing of this one.
+    require("tega_scene.record", driver="export", extra="lab")
     from tega_lerobot.dataset import export_lerobot
 
     named = dict(one.partition("=")[::2] for one in scenes)

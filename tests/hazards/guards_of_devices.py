@@ -9,7 +9,7 @@ from hazards.guards import Guard
 OF_DEVICES: Final = (
     Guard(
         "the reflex's sum has no bound",
-        "tega/property/test_reflex::a_closed_hand_is_told_no_more_than_closed",
+        "tega/property/test_reflex::the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
         "self.added = min(max(added, 0.0), self._s.most_levels, _CLOSED - own)",
         "self.added = added",
     ),
@@ -42,7 +42,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the reflex firms a grip that no finger feels",
-        "tega/property/test_reflex::a_wish_counts_for_nothing_while_no_finger_touches",
+        "tega/property/test_reflex::the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure",
         " and any(contact.in_contact for contact in fresh.values())",
     ),
     Guard(

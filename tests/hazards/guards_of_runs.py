@@ -79,7 +79,7 @@ OF_RUNS: Final = (
     ),
     Guard(
         "names in a file become paths as they are",
-        "together/test_hostile_names::an_attachment_s_name_never_leaves_the_folder",
+        "together/test_hostile_names::no_verb_on_a_recording_writes_elsewhere",
         "    if not _PLAIN.fullmatch(name) or",
         "    if False and",
     ),

@@ -27,6 +27,8 @@ def program() -> str:
 @pytest.mark.parametrize("guard", EVERY, ids=lambda guard: guard.what)
 def test_every_guard_stands_where_it_can_be_taken_out_and_the_page_has_it(guard: Guard, program: str) -> None:
     assert program.count(guard.old) == 1
+    file, _, test = guard.shown_by.partition("::")
+    assert f"def {test.split('[')[0]}(" in (PROJECT / file).read_text(encoding="utf-8")
     # What is unproven, on a machine that was busy, stands there as such; what survives is a hole.
     assert "SURVIVES" not in read_page()[guard.what, guard.shown_by][3]
 
