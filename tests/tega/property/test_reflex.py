@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from tega.config import FINGERS, ReflexSection
@@ -72,6 +72,8 @@ TICKS = st.lists(
 )
 
 
+@example(ticks=[(3.0, 1.0, 1.0, True, True)] * 3, most=1.0, rise=0.1, fall=0.5)
+@example(ticks=[(5.0, 1.0, 1.0, True, True)] * 3, most=1.0, rise=0.1, fall=0.5)
 @given(ticks=TICKS, most=st.floats(0.01, 1), rise=st.floats(0.01, 10), fall=st.floats(0.1, 5))
 def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
     ticks: list[tuple[float, float, float, bool, bool]], most: float, rise: float, fall: float
