@@ -20,6 +20,7 @@ from reference.parts import observed
 from reference.played import finger, muscles
 from reference.sessions import tree
 from tega.config import check_tree
+from tega.config.attached import config_text
 from tega.config.choose import preset_metric
 from tega.errors import RecordingError, TegaError
 from tega.loop import run_session
@@ -61,6 +62,11 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
     assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
     assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
     assert (found["ended"], found["complete"]) == ("complete", True)
+
+
+def test_settings_survive_being_written_down(tmp_path: Path) -> None:
+    config = check_tree(tree(tmp_path), {}, base=tmp_path).config
+    assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 
 @pytest.mark.slow
