@@ -21,28 +21,23 @@ from tega.devices.machine import CanLink, bluetooth_trouble, can_links, link_tro
 from tega.errors import DeviceUnavailableError
 
 
+def files(folder: Path, **values: str) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, value in values.items():
+        (folder / name).write_text(f"{value}\n")
+    return folder
+
+
 def camera(
     root: Path, number: int, *, serial: str, usb_id: str = "2833:0209", revision: str = "0200", index: int = 0
 ) -> None:
     """Make what the kernel shows of one camera: a node that hangs on an interface of a USB device."""
-    usb = root / "devices" / f"1-{number}"
-    interface = usb / f"1-{number}:1.0"
-    interface.mkdir(parents=True)
     vendor, product = usb_id.split(":")
-    numbers = {
-        "serial": serial,
-        "bcdDevice": revision,
-        "idVendor": vendor,
-        "idProduct": product,
-        "busnum": "1",
-    }
-    for name, value in numbers.items():
-        (usb / name).write_text(f"{value}\n")
-    node = root / "video4linux" / f"video{number}"
-    node.mkdir(parents=True)
-    (node / "index").write_text(f"{index}\n")
-    (node / "name").write_text("DIGIT: DIGIT\n" if vendor == "2833" else "Webcam\n")
-    (node / "device").symlink_to(interface)
+    about = {"serial": serial, "bcdDevice": revision, "idVendor": vendor, "idProduct": product, "busnum": "1"}
+    usb = files(root / "devices" / f"1-{number}", **about)
+    name = "DIGIT: DIGIT" if vendor == "2833" else "Webcam"
+    node = files(root / "video4linux" / f"video{number}", index=str(index), name=name)
+    (node / "device").symlink_to(files(usb / f"1-{number}:1.0"))
 
 
 def test_a_digit_is_found_by_its_numbers_and_a_webcam_is_none(tmp_path: Path) -> None:
@@ -82,10 +77,8 @@ def test_two_with_one_serial_number_are_told(tmp_path: Path) -> None:
     ("usb_id", "text"), [("0403:0fde", "is starting"), ("2833:0209", "the kernel made no camera of it")]
 )
 def test_a_digit_that_is_no_camera_is_told(tmp_path: Path, usb_id: str, text: str) -> None:
-    device = tmp_path / "devices" / "1-4"
-    device.mkdir(parents=True)
-    for name, value in zip(("idVendor", "idProduct", "serial"), (*usb_id.split(":"), "D20641"), strict=True):
-        (device / name).write_text(value)
+    vendor, product = usb_id.split(":")
+    files(tmp_path / "devices" / "1-4", idVendor=vendor, idProduct=product, serial="D20641")
     (found,) = find_digits(sysfs=tmp_path / "none", usb=tmp_path / "devices")
     assert text in found.problem
     assert found.hint
@@ -126,17 +119,10 @@ def test_a_camera_is_opened_by_the_system_s_own_way(
     assert camera_place(source, system) == opened
 
 
-def interface(root: Path, name: str, *, kind: str, flags: str) -> None:
-    folder = root / name
-    folder.mkdir()
-    (folder / "type").write_text(f"{kind}\n")
-    (folder / "flags").write_text(f"{flags}\n")
-
-
 def test_can_buses_with_what_ip_says_of_them(tmp_path: Path) -> None:
-    interface(tmp_path, "eth0", kind="1", flags="0x1003")
-    interface(tmp_path, "can0", kind="280", flags="0x40081")
-    interface(tmp_path, "can1", kind="280", flags="0x40080")
+    files(tmp_path / "eth0", type="1", flags="0x1003")
+    files(tmp_path / "can0", type="280", flags="0x40081")
+    files(tmp_path / "can1", type="280", flags="0x40080")
     about = {"state": "ERROR-ACTIVE", "bittiming": {"bitrate": 500000}}
     text = json.dumps([{"linkinfo": {"info_kind": "can", "info_data": about}}])
     links = can_links(sysfs=tmp_path, describe={"can0": text, "can1": ""}.__getitem__)
@@ -169,13 +155,10 @@ def test_what_is_wrong_with_a_bus(link: CanLink, text: str, todo: str) -> None:
 def test_bluetooth_that_is_off_or_not_there(tmp_path: Path) -> None:
     assert bluetooth_trouble(tmp_path / "none") == ("", "")
     assert "no Bluetooth adapter" in bluetooth_trouble(tmp_path)[0]
-    (tmp_path / "bluetooth" / "hci0").mkdir(parents=True)
-    switch = tmp_path / "rfkill" / "rfkill0"
-    switch.mkdir(parents=True)
-    for name, value in {"type": "bluetooth", "soft": "0", "hard": "0"}.items():
-        (switch / name).write_text(value)
+    files(tmp_path / "bluetooth" / "hci0")
+    switch = files(tmp_path / "rfkill" / "rfkill0", type="bluetooth", soft="0", hard="0")
     assert bluetooth_trouble(tmp_path) == ("", "")
-    (switch / "soft").write_text("1")
+    files(switch, soft="1")
     assert "rfkill unblock bluetooth" in bluetooth_trouble(tmp_path)[1]
-    (switch / "hard").write_text("1")
+    files(switch, hard="1")
     assert "switch or key" in bluetooth_trouble(tmp_path)[0]
