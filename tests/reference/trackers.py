@@ -1,17 +1,14 @@
-"""What the tests of trackers share: reading until there is enough, an arm that is led, a wrist that goes a way."""
+"""What the tests of trackers share: reading until there is enough, an arm that is led."""
 
 from __future__ import annotations
 
 import math
-import threading
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from tega.arm import ArmChain, ArmCommand, StampedPose
 from tega.devices import Tracker
-from tega_emulators.process import Emulator
 
 
 class LiveTracker(Tracker, Protocol):
@@ -70,29 +67,3 @@ class Steered:
 
     def travel_m(self, start: StampedPose) -> float:
         return math.dist(list(start.position_m), list(self.at.position_m))
-
-
-@contextmanager
-def wrist_goes(emulator: Emulator, *headings_rad: float) -> Iterator[None]:
-    """Have an emulated wrist go 20 cm along each heading in turn and rest, over and over."""
-    over = threading.Event()
-
-    def move() -> None:
-        while not over.is_set():
-            for heading in headings_rad:
-                for step in (*range(21), *([20] * 60)):
-                    x, z = -0.01 * step * math.sin(heading), -0.01 * step * math.cos(heading)
-                    emulator.say(f"at {x} 1.2 {z}")
-                    if over.wait(0.02):
-                        return
-                emulator.say("lose")
-                over.wait(0.4)
-                emulator.say("find")
-
-    mover = threading.Thread(target=move, daemon=True)
-    mover.start()
-    try:
-        yield
-    finally:
-        over.set()
-        mover.join()
