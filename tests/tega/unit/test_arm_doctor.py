@@ -96,32 +96,25 @@ def test_init_refuses_an_arm_that_is_none(tmp_path: Path, capsys: pytest.Capture
     assert not (tmp_path / "lab.toml").exists()
 
 
-def _snapshot(seen: ArmView | None) -> LoopView:
-    arm = "idle: <who> knows" if seen is None else seen.words
-    return LoopView(0, {}, None, None, None, {}, arm=arm, seen_arm=seen)
-
-
-def _displayed(view: LoopView) -> str:
-    console = Console(width=120, record=True, file=StringIO())
-    console.print(render(view, title="", rates_hz={}))
-    return " ".join(console.export_text().replace("│", " ").split())
-
-
 def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None:
     health = Health(200.0, 6.0, 1, 2, 0.99)
     where = ("following", True, False, (0.5, -0.01, 0.3), 12.4)
     seen = ArmView("holding", "no pose for <0.1 s", *where, health)
-    page, screen = arm_html(_snapshot(seen)), _displayed(_snapshot(seen))
+    view = LoopView(0, {}, None, None, None, {}, arm=seen.words, seen_arm=seen)
+    console = Console(width=120, record=True, file=StringIO())
+    console.print(render(view, title="", rates_hz={}))
+    page, screen = arm_html(view), " ".join(console.export_text().replace("│", " ").split())
     assert "ARM HOLDING</b> no pose for &lt;0.1 s" in page
     assert "200 Hz, worst 6 ms, 2 commands refused · robot took 99 %" in page
     for displayed in (page, screen):
         assert "clutch pressed, dead-man let go" in displayed
         assert "hand at +0.500 -0.010 +0.300 m, 12 mm from its target" in displayed
     assert "arm holding: no pose for <0.1 s (following, 200 Hz" in screen
-    assert arm_html(_snapshot(None)).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
-    assert arm_html(_snapshot(None)._replace(arm="")) == ""
+    unseen = view._replace(arm="idle: <who> knows", seen_arm=None)
+    assert arm_html(unseen).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
+    assert arm_html(unseen._replace(arm="")) == ""
     # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
-    ended = arm_html(_snapshot(seen)._replace(state="stopped"))
+    ended = arm_html(view._replace(state="stopped"))
     assert "led no more" in ended
     assert "HOLDING" not in ended
 

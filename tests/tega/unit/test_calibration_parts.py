@@ -44,9 +44,8 @@ def read(sets: Sequence[str] = ()) -> LoadedConfig:
 
 def calibrating(folder: CalibrationFolder, config: SessionConfig) -> Calibrating:
     """Return the wizard, with nobody there to answer."""
-    return Calibrating(
-        Sitting(config, "p01", folder, LineGuide(yes=True, get_ready_s=0.0), Times(), lambda: NOW)
-    )
+    guide = LineGuide(yes=True, get_ready_s=0.0)
+    return Calibrating(Sitting(config, "p01", folder, guide, Times(), lambda: NOW))
 
 
 def emg(*efforts: float, seconds: float = 4.0, seed: int = 0) -> list[EmgChunk]:

@@ -111,9 +111,8 @@ def test_another_hand_s_terminal_of_the_same_name_is_not_opened() -> None:
     assert bus.replaced
     with pytest.raises(BlockingIOError):
         os.read(made[-1][0], 100)
-    for ends in made:
-        os.close(ends[0])
-        os.close(ends[1])
+    for end in (end for ends in made for end in ends[:2]):
+        os.close(end)
 
 
 FRAMES = [f"t08{k}8{k:016X}\r".encode() for k in range(4)]
@@ -122,11 +121,8 @@ FRAMES = [f"t08{k}8{k:016X}\r".encode() for k in range(4)]
 @pytest.fixture
 def line() -> Iterator[tuple[int, Any]]:
     """Return our end of a terminal, and a bus on the other."""
-    pty, tty = (
-        pytest.importorskip("pty"),
-        pytest.importorskip("tty"),
-    )  # python-can's own reading is used elsewhere
-    ours, theirs = pty.openpty()
+    tty = pytest.importorskip("tty")  # python-can's own reading is used elsewhere
+    ours, theirs = os.openpty()
     tty.setraw(theirs)
     bus = slcan_bus()(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
     try:
@@ -155,13 +151,11 @@ def test_a_frame_in_pieces_is_put_together_and_answers_are_passed_over(line: tup
     ours, bus = line
     os.write(ours, b"z\r\at08")
     assert bus.recv(timeout=0.05) is None
-    later = threading.Timer(0.05, os.write, (ours, FRAMES[1][4:]))
     os.write(ours, FRAMES[1][3:4])
+    later = threading.Timer(0.05, os.write, (ours, FRAMES[1][4:]))
     later.start()
-    try:
-        message = bus.recv(timeout=60.0)
-    finally:
-        later.join()
+    message = bus.recv(timeout=60.0)
+    later.join()
     assert (message.arbitration_id, message.data[-1]) == (0x081, 1)
 
 

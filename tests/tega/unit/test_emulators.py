@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -34,33 +35,33 @@ def test_no_emulator_imports_what_it_is_to_check() -> None:
     subprocess.run([sys.executable, "-c", CODE], check=True)
 
 
-def chords(generation: int) -> tuple[ChordsBoard, ManualClock]:
+def chords(generation: int) -> tuple[ChordsBoard, Callable[[int], None]]:
+    """Return a board, and what lets so many milliseconds pass for it."""
     clock = ManualClock()
     board = ChordsBoard(
         Signal(250.0, random.Random(0), "flat"), name="NPG-LITE", rate_hz=500, bits=12, n_channels=3, baud=230_400,
         generation=generation, now_s=lambda: clock.now_ns() / 1e9,
     )  # fmt: skip
-    return board, clock
+    return board, lambda ms: clock.sleep_until(clock.now_ns() + ms * 1_000_000)
 
 
 def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> None:
-    board, clock = chords(2024)
+    board, wait = chords(2024)
     assert (board.receive(b"STOP\n"), board.go_on()) == (b"", b"")
-    clock.sleep_until(clock.now_ns() + 900_000_000)
+    wait(900)
     board.receive(b"WHORU\n")
-    clock.sleep_until(clock.now_ns() + 2_000_000_000)
+    wait(2_000)
     assert board.go_on() == b""  # STOP and WHORU are one command, and no answer is given to that
-    for message, answer in ((b"WHO", b""), (b"RU\n", b""), (b"", b"NPG-LITE\r\n")):
-        if message:
-            board.receive(message)
-        else:
-            clock.sleep_until(clock.now_ns() + 1_000_000_000)
-        assert board.go_on() == answer
+    for message in (b"WHO", b"RU\n"):
+        board.receive(message)
+        assert board.go_on() == b""
+    wait(1_000)
+    assert board.go_on() == b"NPG-LITE\r\n"
     board.receive(b"START\n")
-    clock.sleep_until(clock.now_ns() + 999_000_000)
+    wait(999)
     board.go_on()
     assert not board.streaming
-    clock.sleep_until(clock.now_ns() + 1_000_000)
+    wait(1)
     board.go_on()
     board.go_on()
     assert board.streaming
@@ -69,16 +70,16 @@ def test_chords_sketches_of_2024_hear_a_command_after_a_second_of_silence() -> N
 
 
 def test_chords_sketches_of_2026_take_lines_and_are_deaf_while_they_blink() -> None:
-    board, clock = chords(2026)
+    board, wait = chords(2026)
     board.receive(b"whoru\nNAME\nSTART\nSTATUS\n")
     assert board.go_on() == b"NPG-LITE\r\nUNKNOWN COMMAND\r\n"
-    clock.sleep_until(clock.now_ns() + 400_000_000)
+    wait(400)
     assert board.go_on() == b"RUNNING\r\n"
     assert board.streaming
     board.receive(b"STATUS\n")
-    clock.sleep_until(clock.now_ns() + 999_000_000)
+    wait(999)
     assert board.go_on() == b""
-    clock.sleep_until(clock.now_ns() + 1_000_000)
+    wait(1)
     assert board.go_on() == b"STOPPED\r\n"
 
 
@@ -117,10 +118,8 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
                 until_s = time.monotonic() + 1.0
                 while time.monotonic() < until_s:  # what was measured before the move
                     source.read(0.2)
-                chunks = [source.read(1.0) for _ in range(20)]
-                return np.asarray(
-                    np.concatenate([one.samples for one in chunks if one is not None]).std(axis=0)
-                )
+                samples = [one.samples for _ in range(20) if (one := source.read(1.0)) is not None]
+                return np.asarray(np.concatenate(samples).std(axis=0))
 
             bench.moves.act("rest")
             at_rest = strengths()
