@@ -23,8 +23,7 @@ MS = 1_000_000
 
 class CountingBell:
     def __init__(self, clock: Any, rings_after_ns: int | None) -> None:
-        self.waits_s: list[float] = []
-        self.n_rung = 0
+        self.waits_s, self.n_rung = list[float](), 0
         self._clock, self._rings_after_ns = clock, rings_after_ns
 
     def wait(self, timeout_s: float) -> bool:

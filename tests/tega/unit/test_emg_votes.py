@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import get_args
@@ -22,6 +22,7 @@ from tega.emg.votes import ChannelVotes
 from tega.errors import ShapeError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.records import Intent
+from tega.runtime.files.signals import read_signals
 from tega.stages.decoders import RulesDecoder, RulesOptions
 
 Samples = NDArray[np.float64]
@@ -117,28 +118,20 @@ def test_a_coarse_envelope_may_rest_and_may_not_stick_above() -> None:
         votes.take(np.zeros((5, 2)))
 
 
-def read_all(folder: Path) -> list[tuple[str, InputKind, float, Samples]]:
-    io = pytest.importorskip("scipy.io")
-    folder = folder / "emg"
-    found: list[tuple[str, InputKind, float, Samples]] = []
-    matrices: list[tuple[str, InputKind, float]] = [
-        ("my_thesis", "raw", 200.0),
-        ("unibo_inail", "envelope", 500.0),
-    ]
-    for name, kind, rate_hz in matrices:
-        paths = sorted(folder.glob(f"{name}/*.mat"))
-        found += [(p.name, kind, rate_hz, io.loadmat(p)["emg"].astype(float)) for p in paths]
+def read_all(folder: Path) -> Iterator[tuple[str, InputKind, float, Samples]]:
+    thesis, inail = (sorted(folder.glob(f"{name}/*.mat")) for name in ("my_thesis", "unibo_inail"))
+    yield from ((path.name, "raw", 200.0, read_signals(path).samples) for path in thesis)
+    yield from ((path.name, "envelope", 500.0, read_signals(path).samples) for path in inail)
     for name in ("longterm_myo", "libemg_tests"):
         parts = [np.loadtxt(path, delimiter=",") for path in sorted(folder.glob(f"{name}/*.csv"))]
-        found.append((name, "raw", 200.0, np.concatenate(parts)))
-    found.append(("biosppy", "raw", 1000.0, np.loadtxt(folder / "biosppy/emg_1.txt").reshape(-1, 1)))
-    return found
+        yield name, "raw", 200.0, np.concatenate(parts)
+    yield "biosppy", "raw", 1000.0, np.loadtxt(folder / "biosppy/emg_1.txt").reshape(-1, 1)
 
 
 def test_no_channel_of_a_person_loses_its_vote(recordings: Path) -> None:
     """Squeezes that clip among them (3.7 % of their samples), and the mains between the bursts of one recording."""
     n_channels = 0
-    for name, kind, rate_hz, samples in read_all(recordings):
+    for name, kind, rate_hz, samples in read_all(recordings / "emg"):
         tau = round(rate_hz / 10)
         maxima = channel_maxima(samples, rate_hz, tau=tau, kind=kind)
         names = [f"ch{k + 1}" for k in range(samples.shape[1])]
