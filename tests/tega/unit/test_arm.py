@@ -24,6 +24,11 @@ from tega.arm.gate import PoseGate
 from tega.errors import InvalidValueError
 
 
+@pytest.fixture
+def bench() -> Bench:
+    return Bench().take_hold()
+
+
 @pytest.mark.parametrize("axis", range(3))
 def test_a_locked_axis_stays_and_a_scaled_one_goes_less(axis: int) -> None:
     gains = [0.5, 0.5, 0.5]
@@ -40,8 +45,7 @@ def test_a_locked_axis_stays_and_a_scaled_one_goes_less(axis: int) -> None:
     np.testing.assert_allclose(turned, 4 * np.array(wanted), atol=1e-6)
 
 
-def test_at_a_wall_it_slides_and_comes_back_at_once() -> None:
-    bench = Bench().take_hold()
+def test_at_a_wall_it_slides_and_comes_back_at_once(bench: Bench) -> None:
     bench.go(4000, move=(0.6, 0.1, 0))
     bench.go(1000)
     assert bench.away_m == [0.2, 0.1, 0]
@@ -78,8 +82,7 @@ def test_the_gate_says_why(change: dict[str, Any], says: str) -> None:
     assert gate.refusal(pose, 200 * MS) == says
 
 
-def test_a_jump_is_believed_once_the_hand_was_lost() -> None:
-    bench = Bench().take_hold()
+def test_a_jump_is_believed_once_the_hand_was_lost(bench: Bench) -> None:
     bench.hand_m = bench.hand_m + 0.73
     assert bench.go(150).state == "holding"
     assert "jumped by 1264 mm" in bench.last.reason
@@ -88,8 +91,7 @@ def test_a_jump_is_believed_once_the_hand_was_lost() -> None:
     assert bench.away_m == [0, 0, 0]
 
 
-def test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady() -> None:
-    bench = Bench().take_hold()
+def test_a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady(bench: Bench) -> None:
     for jumps in range(1, 4):
         bench.hand_m = bench.hand_m + 0.73
         bench.go(10)
@@ -115,8 +117,7 @@ def test_a_clutch_that_is_pressed_from_the_start_does_nothing() -> None:
     bench.take_hold()
 
 
-def test_the_dead_man_switch_holds_at_once_and_its_return_takes_hold_anew() -> None:
-    bench = Bench().take_hold()
+def test_the_dead_man_switch_holds_at_once_and_its_return_takes_hold_anew(bench: Bench) -> None:
     bench.go(500, move=(0.05, 0, 0))
     bench.dead_man = False
     assert bench.go(10).state == "holding"
@@ -133,8 +134,7 @@ def test_the_dead_man_switch_holds_at_once_and_its_return_takes_hold_anew() -> N
     ("after_ms", "state"),
     [(90, "following"), (120, "holding"), (240, "holding"), (270, "idle"), (1500, "idle")],
 )
-def test_a_forearm_that_the_tracker_loses(after_ms: int, state: str) -> None:
-    bench = Bench().take_hold()
+def test_a_forearm_that_the_tracker_loses(bench: Bench, after_ms: int, state: str) -> None:
     assert bench.go(after_ms, valid=False).state == state
     if state != "following":
         assert "the tracker calls it lost" in bench.last.reason
@@ -151,8 +151,7 @@ def test_a_forearm_that_the_tracker_loses(after_ms: int, state: str) -> None:
     [(90, "following"), (120, "holding"), (290, "holding"), (320, "idle"), (990, "idle"), (1020, "stopped")],
 )
 @pytest.mark.parametrize("subject", ["tracker", "link"])
-def test_silence_of_tracker_or_arm(subject: str, after_ms: int, state: str) -> None:
-    bench = Bench().take_hold()
+def test_silence_of_tracker_or_arm(bench: Bench, subject: str, after_ms: int, state: str) -> None:
     setattr(bench, subject, False)
     assert bench.go(after_ms).state == state, bench.last.reason
     assert (bench.last.target is None) == (state == "stopped")
@@ -203,8 +202,7 @@ def test_a_target_comes_after_an_arm_that_is_pushed_away_but_stays_in_the_box() 
 @pytest.mark.parametrize(
     ("away_ms", "state"), [(90, "following"), (150, "holding"), (400, "idle"), (3000, "idle")]
 )
-def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
-    bench = Bench().take_hold()
+def test_a_loop_that_was_away_does_not_lurch(bench: Bench, away_ms: int, state: str) -> None:
     bench.go(300, move=(0.06, 0, 0))
     before, speed = bench.arm, np.linalg.norm(bench.last.velocity_m_s)
     bench.go(away_ms, dt_ms=away_ms)
@@ -216,8 +214,7 @@ def test_a_loop_that_was_away_does_not_lurch(away_ms: int, state: str) -> None:
         assert not bench.last.velocity_m_s.any()
 
 
-def test_a_clock_that_goes_back_lets_go_and_is_recovered_from() -> None:
-    bench = Bench().take_hold()
+def test_a_clock_that_goes_back_lets_go_and_is_recovered_from(bench: Bench) -> None:
     bench.now_ns -= 5000 * MS
     assert bench.go(10).state == "idle"
     assert "the clock went back" in bench.last.reason
@@ -225,8 +222,7 @@ def test_a_clock_that_goes_back_lets_go_and_is_recovered_from() -> None:
     bench.take_hold()
 
 
-def test_after_a_stop_a_person_has_to_allow_it_and_it_begins_at_the_measured_pose() -> None:
-    bench = Bench().take_hold()
+def test_after_a_stop_a_person_has_to_allow_it_and_it_begins_at_the_measured_pose(bench: Bench) -> None:
     bench.chain.stop("a reflex of the arm")
     assert bench.go(100).target is None
     assert (bench.last.state, bench.last.reason) == ("stopped", "a reflex of the arm")

