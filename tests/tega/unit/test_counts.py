@@ -17,6 +17,8 @@ import pytest
 import tega
 from tega.config import check_tree
 from tega.loop import DualLoop, run_session
+from tega.records import Picture
+from tega.records.bus import Bus
 from tega_emulators.lab import PRESSED, emulated_lab
 
 PACKAGE = Path(tega.__file__).parent
@@ -77,16 +79,18 @@ class Way:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
 def test_a_picture_passes_14_objects_and_is_handed_on_twice(tmp_path: Path) -> None:
-    route = Way()
+    route, bus, measured_in = Way(), Bus(), set[str]()
+    bus.subscribe(Picture, lambda _picture: measured_in.add(threading.current_thread().name))
     with emulated_lab(tmp_path, fingers=("thumb",), vest=True, touch=PRESSED) as lab:
         config = check_tree({**lab.tree, "session": {"duration_s": 2.0}}, {}, base=tmp_path).config
         threading.setprofile(route)
         sys.setprofile(route)
         try:
-            run_session(config)
+            run_session(config, bus=bus)
         finally:
             sys.setprofile(None)
             threading.setprofile(None)
+    assert measured_in == {"digit"}
     assert len(route.objects) <= 14, sorted(route.objects)
     # Beyond the camera's, the loop's and the vest's there is none, so there are two places between threads.
     threads = set[str]().union(*route.objects.values())
