@@ -7,7 +7,6 @@ import math
 import os
 import signal
 import sys
-import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -20,12 +19,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from reference.parts import observed
+from reference.parts import Running
 from reference.processes import begun_by
 from tega.arm import StampedPose
 from tega.config import check_tree
-from tega.loop import LoopView, run_session
-from tega.loop.controls import Controls
 from tega.ui.view.terminal import render
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
@@ -38,78 +35,32 @@ _DEAD_MAN, _CLUTCH, _RECOVER = 0, 1, 2
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
-class Run:
-    """A run in a thread, and what it shows."""
-
+class Run(Running):
     def __init__(self, lab: EmulatedLab, folder: Path) -> None:
-        self.lab, self.out = lab, folder / "out"
-        self.view: LoopView | None = None
-        self.seen: list[str] = []
-        self.summary: dict[str, Any] = {}
-        self.error: BaseException | None = None
-        self._over = threading.Event()
-        tree = {**lab.tree, "session": {"out_dir": str(self.out)}}
-        self._config = check_tree(tree, {}, base=folder).config
-        self._thread = threading.Thread(target=self._run)
-
-    def __enter__(self) -> Run:
-        self._thread.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._over.set()
-        self._thread.join(30)
-        if self.error is not None:
-            raise self.error
-
-    def _run(self) -> None:
-        try:
-            self.summary = run_session(
-                self._config, controls=Controls(stop=self._over.is_set), bus=observed(self._observe)
-            )
-        except BaseException as error:
-            self.error = error
-
-    def _observe(self, view: LoopView) -> None:
-        self.view = view
-        text = view.arm.split(" (")[0]
-        if text not in self.seen[-1:]:
-            self.seen.append(text)
-
-    @property
-    def arm(self) -> str:
-        return "" if self.view is None else self.view.arm
+        self.lab, self._out = lab, folder / "out"
+        tree = {**lab.tree, "session": {"out_dir": str(self._out)}}
+        super().__init__(check_tree(tree, {}, base=folder).config)
 
     @property
     def alerts(self) -> str:
-        return "" if self.view is None else "; ".join(self.view.alerts)
+        return "; ".join(self.view.alerts)
 
     def until(self, enough: Callable[[], object]) -> None:
         """Wait; counted, so that a machine that stands still for a while is no failure."""
-        for _ in range(1500):
+        for _ in range(6000):
             if enough():
                 return
-            if self.error is not None:
-                raise self.error
+            assert self.thread.is_alive()
             time.sleep(0.01)
-        state = None if self.view is None else (self.view.state, self.view.reason)
-        raise AssertionError((self.arm, self.alerts, state, self.seen))
+        raise AssertionError((self.view.arm, self.alerts, self.view.state, self.view.reason))
 
     def later(self, s: float) -> None:
         """Let the run go on for so long, on its own clock."""
-        begin_ns = 0 if self.view is None else self.view.t_ns
-        self.until(lambda: self.view is not None and self.view.t_ns > begin_ns + 1e9 * s)
-
-    def opens(self) -> None:
-        """Wait until all devices are open; half a dozen of them take their time on a busy machine."""
-        for _ in range(600):
-            if self.view is not None or self.error is not None:
-                break
-            time.sleep(0.1)
-        self.starts("idle")
+        begin_ns = self.view.t_ns
+        self.until(lambda: self.view.t_ns > begin_ns + 1e9 * s)
 
     def starts(self, *words: str) -> None:
-        self.until(lambda: self.arm.startswith(words))
+        self.until(lambda: self.view.arm.startswith(words))
 
     def press(self, *buttons: int, how: str = "press") -> None:
         for button in buttons:
@@ -123,9 +74,11 @@ class Run:
         self.press(_DEAD_MAN, _CLUTCH)
         self.starts("following")
 
-    def rows(self) -> list[dict[str, str]]:
-        with (self.out / "arm.csv").open(encoding="utf-8") as file:
-            return list(csv.DictReader(file))
+    def places(self, subject: str) -> list[tuple[float, tuple[float, ...]]]:
+        named = [f"{subject}_{c}_m" for c in "xyz"]
+        with (self._out / "arm.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        return [(float(r["t_s"]), tuple(float(r[n]) for n in named)) for r in rows if r[named[0]]]
 
 
 @contextmanager
@@ -136,28 +89,21 @@ def running(folder: Path, change: Callable[[dict[str, Any]], None] = lambda _tre
             yield run
 
 
-def places(rows: list[dict[str, str]], subject: str) -> list[tuple[float, tuple[float, ...]]]:
-    named = [f"{subject}_{c}_m" for c in "xyz"]
-    return [(float(r["t_s"]), tuple(float(r[n]) for n in named)) for r in rows if r[named[0]]]
-
-
 @pytest.mark.slow
 def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -> None:
     with running(tmp_path) as run:
         run.hold()
         run.lab.headset.say("wave 0.1 0.3")
-        run.until(lambda: run.view is not None and run.view.t_ns > 4e9)
+        run.until(lambda: run.view.t_ns > 4e9)
         run.lift(_DEAD_MAN)
         run.starts("holding: the dead-man switch is released")
         run.press(_DEAD_MAN)
         run.starts("following")
         run.lift(_CLUTCH)
         run.starts("idle: the clutch is open")
-    rows = run.rows()
-    went = [x for _, (x, _, _) in places(rows, "arm")]
+    went = [x for _, (x, _, _) in run.places("arm")]
     assert max(went) - min(went) > 0.05
-    targets = places(rows, "target")
-    for (t_s, place), (later_s, later) in pairwise(targets):
+    for (t_s, place), (later_s, later) in pairwise(run.places("target")):
         assert math.dist(place, later) <= 0.25 * (later_s - t_s) + 1e-5
         assert 0.30 <= later[0] <= 0.70
     text = run.summary["arm"]
@@ -169,7 +115,6 @@ def test_the_arm_follows_the_wrist_and_stays_within_its_limits(tmp_path: Path) -
     assert text["state_s"]["following"] > 1
     assert text["ended"] == "the run has ended"
     assert "arm: simulated: a hand of 1 kg on a damped spring, no robot" in run.summary["notes"]
-    assert run.view is not None
     console = Console(width=120, record=True, file=StringIO())
     console.print(render(run.view, title="", rates_hz={}))
     assert "arm   idle: the clutch is open" in console.export_text()
@@ -186,7 +131,7 @@ def test_after_a_stop_a_person_says_with_the_dead_man_let_go_that_it_goes_on(tmp
         run.until(lambda: "hololens" not in run.alerts)
         run.press(_RECOVER)  # while the dead-man is held it says nothing
         run.later(0.5)
-        assert run.arm.startswith("stopped")
+        assert run.view.arm.startswith("stopped")
         run.lift(_RECOVER, _DEAD_MAN, _CLUTCH)
         run.later(0.2)
         run.press(_RECOVER)
@@ -214,9 +159,9 @@ def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
     with emulated_lab(tmp_path, arm=True, emg_hz=250.0) as lab, Run(lab, tmp_path) as run:
         run.starts("idle")
         run.press(_DEAD_MAN)
-        run.until(lambda: run.view is not None and run.view.state == "active")
+        run.until(lambda: run.view.state == "active")
         run.hold()
-        run.until(lambda: run.view is not None and run.view.state == "active")
+        run.until(lambda: run.view.state == "active")
         run.starts("following")
         lab.emg.say("freeze 1")
         run.starts("holding: the run is not active")
@@ -234,13 +179,13 @@ def test_a_spacemouse_leads_the_arm_and_its_dead_man_is_its_clutch(tmp_path: Pat
         run.press(_DEAD_MAN)
         run.starts("following")
         run.lab.cap.say("push 0 -350 0 0 0 0")  # away from the operator
-        run.until(lambda: run.view is not None and run.view.inputs["motion"].state.motion[0] > 0.9)
+        run.until(lambda: run.view.inputs["motion"].state.motion[0] > 0.9)
         run.later(0.5)
         run.lab.cap.say("push 0 0 0 0 0 0")
         run.later(0.5)
         run.lift(_DEAD_MAN)
         run.starts("idle: the clutch is open")
-    went = [x for _, (x, _, _) in places(run.rows(), "arm")]
+    went = [x for _, (x, _, _) in run.places("arm")]
     assert went[-1] - went[0] > 0.02
 
 
@@ -262,11 +207,11 @@ def test_a_recorded_path_moves_the_arm_as_it_was_recorded(tmp_path: Path) -> Non
 
     with running(tmp_path, recorded) as run:
         run.hold()
-        run.until(lambda: run.view is not None and run.view.t_ns > 7e9)
-        if not run.arm.startswith("following"):
+        run.until(lambda: run.view.t_ns > 7e9)
+        if not run.view.arm.startswith("following"):
             run.hold()  # a machine that stood still has made it let go; the path does not move yet
-        run.until(lambda: "path.csv has ended" in run.alerts or run.arm.startswith("stopped"))
-    went = [place for _, place in places(run.rows(), "arm")]
+        run.until(lambda: "path.csv has ended" in run.alerts or run.view.arm.startswith("stopped"))
+    went = [place for _, place in run.places("arm")]
     moved = [b - a for a, b in zip(went[0], went[-1], strict=True)]
     assert moved == pytest.approx([0.0, 0.05, 0.1], abs=5e-3)
 
@@ -282,16 +227,16 @@ def test_a_reflex_of_the_robot_stops_the_arm_until_the_button_says_that_it_may_g
 
         with running(tmp_path, on_robot) as run:
             run.hold()
-            run.until(lambda: "(following," in run.arm)
+            run.until(lambda: "(following," in run.view.arm)
             robot.say("reflex")
             run.starts("stopped: franky: ")
-            assert "cartesian_reflex" in run.alerts or "cartesian_reflex" in run.arm
+            assert "cartesian_reflex" in run.alerts or "cartesian_reflex" in run.view.arm
             run.lift(_DEAD_MAN, _CLUTCH)
             run.press(_RECOVER)
             run.starts("idle")
             run.hold()
-            run.until(lambda: "(following," in run.arm)
-            assert "robot took 100 %" in run.arm
+            run.until(lambda: "(following," in run.view.arm)
+            assert "robot took 100 %" in run.view.arm
 
 
 def test_a_hand_on_franky_sim_s_arm_grips_and_feels_while_the_arm_carries_it(tmp_path: Path) -> None:
@@ -302,9 +247,9 @@ def test_a_hand_on_franky_sim_s_arm_grips_and_feels_while_the_arm_carries_it(tmp
     ) as lab:
         lab.go_ahead()
         with Run(lab, tmp_path) as run:
-            run.opens()
+            run.starts("idle")
             run.press(_DEAD_MAN)
-            run.until(lambda: run.view is not None and run.view.state == "active")
+            run.until(lambda: run.view.state == "active")
             run.hold()
             run.until(lambda: lab.hand.say("look")["servo_on"] and any(lab.hand.say("look")["duties"]))
             begun = lab.robot.say("look")
@@ -318,7 +263,7 @@ def test_a_hand_on_franky_sim_s_arm_grips_and_feels_while_the_arm_carries_it(tmp
     assert begun["load_kg"] == pytest.approx(1.1)
     assert begun["mode"] == "kMove"
     assert felt
-    went = [x for _, (x, _, _) in places(run.rows(), "arm")]
+    went = [x for _, (x, _, _) in run.places("arm")]
     # The wrist waves along x; what the robot went besides, as under its load, counts in the 0.04 m as well.
     assert max(went) - min(went) > 0.03
     text = run.summary["arm"]
