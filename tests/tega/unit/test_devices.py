@@ -16,6 +16,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from reference.installed import distribution
 from reference.recordings import pressed, write_folder, write_video
 from tega.devices import driver_class, list_drivers
 from tega.devices.fingertip.digit import Digit, DigitOptions
@@ -189,11 +190,9 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, s
 
     def installed(module: str, source: str) -> None:
         (tmp_path / f"{module}.py").write_text(source)
-        info = tmp_path / f"{module}-1.0.dist-info"
-        info.mkdir()
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {module}\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(f"[tega.devices]\nown = {module}:Driver\n")
-        monkeypatch.syspath_prepend(tmp_path)
+        monkeypatch.syspath_prepend(
+            distribution(tmp_path, module, f"[tega.devices]\nown = {module}:Driver\n")
+        )
 
     return installed
 
