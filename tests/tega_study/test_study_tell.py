@@ -1,4 +1,4 @@
-"""Another program leads a session; trials that break off are repeated, and sessions report trials without data."""
+"""Another program leads a session; trials that break off are repeated; arm and fingertips measure lift and drop."""
 
 from __future__ import annotations
 
@@ -9,30 +9,35 @@ import sys
 import threading
 import time
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from reference.command import call
 from reference.processes import until
-from reference.study_bench import ScriptedDesk, StandingBench, quick_study
+from reference.study_bench import ScriptedDesk, StandingBench, study
 from tega.errors import DeviceUnavailableError, RecordingError
+from tega.loop.snapshot import LoopView
 from tega.runtime.clock import ManualClock, SystemClock
+from tega.stages.metrics import contact_record
+from tega.tactile import ContactMetrics, contact_metrics
 from tega_study.cli.run import COMMANDS
-from tega_study.journal import events_path, read_events
+from tega_study.journal import Journal, JournalEvent, events_path, read_events
+from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.experimenter import ENTER, Screen
-from tega_study.lead.running_trial import Going
+from tega_study.lead.running_trial import ARM, ArmLift, Going
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import KEYS, CommandFile, board_path, commands_path, notify, read_board
+from tega_study.lead.trial import LedTrial, undo_last
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.state import derive
 from tega_study.trials import study_trials
 
 
 @pytest.fixture
-def study(tmp_path: Path) -> Path:
-    folder = tmp_path / "study"
-    quick_study(folder, seed=1, long_rest_s=300.0)
-    return folder
+def folder(tmp_path: Path) -> Path:
+    return study(tmp_path, rest_s=0, change_rest_s=0, long_rest_s=0)
 
 
 def phase(folder: Path) -> str:
@@ -50,30 +55,32 @@ def reported(folder: Path, command: str) -> str:
 
 @pytest.mark.slow
 @pytest.mark.timeout(300)
-def test_a_session_is_led_by_other_processes_from_start_to_end(study: Path) -> None:
+def test_a_session_is_led_by_other_processes_from_start_to_end(folder: Path) -> None:
     session = threading.Thread(
-        target=lead_session, args=(study, "p01", StandingBench(), ScriptedDesk()), kwargs={"time_scale": 0.01}
+        target=lead_session,
+        args=(folder, "p01", StandingBench(), ScriptedDesk()),
+        kwargs={"time_scale": 0.01},
     )
     session.start()
     try:
         for _ in range(2):
-            until(lambda: phase(study) == "ready")
-            reported(study, "start")
-            until(lambda: phase(study) == "trial")
-            with commands_path(study, "p01").open("a") as file:  # as a program in another language does it
+            until(lambda: phase(folder) == "ready")
+            reported(folder, "start")
+            until(lambda: phase(folder) == "trial")
+            with commands_path(folder, "p01").open("a") as file:  # as a program in another language does it
                 file.write('{"do": "mark"}\n{"do": "slip"}\n{"do": "lift it"}\n[[[\n')
             time.sleep(1.2)  # in its first second a trial cannot be ended
-            reported(study, "end")
-        until(lambda: phase(study) == "ready")
-        reported(study, "start")
+            reported(folder, "end")
+        until(lambda: phase(folder) == "ready")
+        reported(folder, "start")
         until(lambda: not session.is_alive())
     finally:
         if session.is_alive():
-            notify(study, "p01", "quit", clock=SystemClock())
+            notify(folder, "p01", "quit", clock=SystemClock())
         session.join()
-    trials = study_trials(study)[1]
+    trials = study_trials(folder)[1]
     assert [(trial.slips, trial.slips_before) for trial in trials] == [(1, 0)] * 2
-    events = read_events(events_path(study, "p01"))
+    events = read_events(events_path(folder, "p01"))
     assert [e.text for e in events if e.kind == "trial_end"] == ["ended by the experimenter"] * 2
 
 
@@ -106,27 +113,27 @@ def test_commands_press_the_keys_of_the_screen(tmp_path: Path) -> None:
 
 
 def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
-    study: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(DeviceUnavailableError, match="no program leads the session of p01"):
-        notify(study, "p01", "start", clock=SystemClock())
-    assert not commands_path(study, "p01").exists()
-    assert "no program leads" in call(capsys, "study", "tell", study, "p01", "start", code=3)[1]
+        notify(folder, "p01", "start", clock=SystemClock())
+    assert not commands_path(folder, "p01").exists()
+    assert "no program leads" in call(capsys, "study", "tell", folder, "p01", "start", code=3)[1]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such pipe and link")
 @pytest.mark.timeout(30)
-def test_no_pipe_is_waited_for_and_no_link_written_through(study: Path, tmp_path: Path) -> None:
+def test_no_pipe_is_waited_for_and_no_link_written_through(folder: Path, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     assert CommandFile(tmp_path / "pipe", ManualClock()).take() == []
     (tmp_path / "mine.txt").write_text("mine")
-    path = commands_path(study, "p01")
+    path = commands_path(folder, "p01")
     path.parent.mkdir(parents=True)
     path.symlink_to(tmp_path / "mine.txt")
-    board = board_path(study, "p01")
+    board = board_path(folder, "p01")
     board.write_text(json.dumps({"t_ns": SystemClock().now_ns(), "phase": "ready"}))
     with pytest.raises(RecordingError, match=r"told\.jsonl: is a link"):
-        notify(study, "p01", "start", clock=SystemClock(), timeout_s=0.1)
+        notify(folder, "p01", "start", clock=SystemClock(), timeout_s=0.1)
     assert (tmp_path / "mine.txt").read_text() == "mine"
 
 
@@ -150,20 +157,14 @@ class _Desk(ScriptedDesk):
             self.waiting += [*extra, ENTER]
 
 
-def _study(folder: Path) -> Path:
-    quick_study(folder / "study", rest_s=0, change_rest_s=0, long_rest_s=0)
-    return folder / "study"
-
-
 def _status(folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str, object], str]:
     found = json.loads(call(capsys, "study", "status", folder, "--json")[0])
     return found["participants"][0], call(capsys, "study", "status", folder)[0]
 
 
 def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = _study(tmp_path)
     desk = _Desk(["a", "a", "a"])
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001, trials=3)
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))
@@ -175,9 +176,8 @@ def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(
 
 
 def test_a_trial_is_given_up_by_key_and_the_end_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = _study(tmp_path)
     desk = _Desk(["a", "z"], {"trial 1 of 2, again": "k"})
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001)
     assert "give up trial 1" in desk.offered
@@ -212,10 +212,146 @@ class _Broken(StandingBench):
 
 @pytest.mark.parametrize(("begins", "message"), [(True, "broke off 3 times"), (False, "cannot begin")])
 def test_a_session_without_an_experimenter_does_not_repeat_for_ever(
-    *, begins: bool, message: str, tmp_path: Path
+    *, begins: bool, message: str, folder: Path
 ) -> None:
-    folder = _study(tmp_path)
     with pytest.raises(DeviceUnavailableError, match=f"{message}: the amplifier is gone"):
         lead_session(folder, "p01", _Broken(begins=begins), _Desk([]), time_scale=0.001, auto=True)
     kinds = [event.kind for event in read_events(events_path(folder, "p01"))]
     assert (kinds[-1], kinds.count("trial_start")) == ("session_stop", 3 * begins)
+
+
+class _ByArm(SimulatedBench):
+    """The simulated bench without the object's height: what is measured is the arm, the joints and the fingertips."""
+
+    sees_height = False
+    measures_height = True
+    true: dict[str, float]
+
+    def run(self, trial: PlannedTrial, going: Going, folder: Path) -> None:
+        self.true = {}
+        observe = going.observe
+
+        def keep(kind: Any, t_ns: int, value: float = 0.0) -> None:
+            if kind not in {"height", "drop"}:
+                observe(kind, t_ns, value)
+            if value > 0:
+                self.true.setdefault("lift_off", t_ns / 1e9)
+            if kind == "height" and value >= 0.2:
+                self.true.setdefault("up", t_ns / 1e9)
+            elif kind == "height":
+                self.true.pop("up", None)
+
+        going.observe = keep  # type: ignore[method-assign]
+        super().run(trial, going, folder)
+
+
+def _led(folder: Path, bench: Any, keys: dict[float, str]) -> tuple[list[JournalEvent], float]:
+    """Lead a trial, keys by time since its start; return its events and its beginning."""
+    left = dict(sorted(keys.items()))
+    with Journal(events_path(folder, "p01")) as journal:
+        own: dict[str, Any] = {"bench": bench, "journal": journal, "clock": SystemClock()}
+        trial = read_plan(folder).of("p01")[0]
+        led = LedTrial(folder, trial, 1, task="lift", window_s=15.0, time_scale=0.001, **own)
+        pressed: list[str] = []
+        while not led.step(pressed):
+            due = [at_s for at_s in left if led.going.elapsed_s() >= at_s]
+            pressed = [left.pop(at_s) for at_s in due]
+        return journal.events, (led.going.started_ns or 0) / 1e9
+
+
+@pytest.mark.slow
+def test_lift_off_and_hold_by_the_arm_are_those_of_the_object(folder: Path) -> None:
+    pytest.importorskip("mujoco")
+    bench = _ByArm(read_plan(folder), "p01", real_time=False)
+    events, begin_s = _led(folder, bench, {})
+    at_s = {e.kind: e.t_ns / 1e9 - begin_s for e in events if e.source == ARM}
+    assert at_s["lift_off"] == pytest.approx(bench.true["lift_off"], abs=0.15)
+    assert at_s["lifted"] == pytest.approx(bench.true["up"] + 1.0, abs=0.25)
+    (end,) = [event for event in events if event.kind == "trial_end"]
+    assert (end.success, end.status, end.text) == (True, "done", "lifted and held")
+    (trial,) = study_trials(folder)[1]
+    assert trial.success
+    assert trial.lift_off_s == pytest.approx(at_s["lift_off"])
+
+
+class _Raised(StandingBench):
+    """Devices whose arm rises with an object to 0.25 m and loses it in the air if asked."""
+
+    measures_height = True
+
+    def __init__(self, *, drops: bool) -> None:
+        super().__init__(own_time=True)
+        self._drops = drops
+
+    def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
+        metrics = {held: _contact(held=held) for held in (False, True)}
+        going.notify("armed", "stands ready")
+        while not going.may_go():
+            pass
+        going.begin(0)
+        for tick in range(300):
+            time.sleep(0.001)  # a key can be pressed meanwhile
+            t_s = tick / 30
+            height_m = 0.4 + min(max(t_s - 2, 0) * 0.1, 0.25)
+            held = t_s >= 1 and not (self._drops and t_s >= 3.5)
+            t_ns = round(t_s * 1e9)
+            contact = contact_record("thumb", t_ns, metrics[held])
+            going.view(LoopView(t_ns, {"thumb": contact}, None, None, None, {}, arm_height_m=height_m))
+        while not going.over():
+            pass
+
+
+def _contact(*, held: bool) -> ContactMetrics:
+    rows, columns = np.mgrid[:240, :320]
+    baseline = np.full((240, 320, 3), 100, np.uint8)
+    frame = baseline.copy()
+    if held:
+        frame[(rows - 120) ** 2 + (columns - 160) ** 2 < 30**2] = 180
+    return contact_metrics(frame, baseline)
+
+
+def test_an_object_that_leaves_the_hand_in_the_air_is_dropped(folder: Path) -> None:
+    events, begin_s = _led(folder, _Raised(drops=True), {})
+    (drop,) = [event for event in events if event.kind == "drop"]
+    assert drop.source == ARM
+    assert drop.t_ns / 1e9 - begin_s == pytest.approx(3.5, abs=0.05)
+    (end,) = [event for event in events if event.kind == "trial_end"]
+    assert (end.success, end.status) == (False, "failed_task")
+    with Journal(events_path(folder, "p01")) as journal:
+        assert undo_last(journal, 1, 1, t_ns=end.t_ns) is not None
+        journal.add("override", t_ns=end.t_ns, trial=1, success=True, source="experimenter")
+    (trial,) = study_trials(folder)[1]
+    assert (trial.success, trial.drops) == (True, 0)
+    assert drop in read_events(events_path(folder, "p01"))
+
+
+def test_a_keyed_lift_off_replaces_the_measured_one_and_both_are_kept(folder: Path, tmp_path: Path) -> None:
+    plain = study(tmp_path / "plain")
+    _led(plain, _Raised(drops=False), {})
+    events, _ = _led(folder, _Raised(drops=False), {1.0: " "})
+    assert [e.source for e in events if e.kind == "lift_off"] == ["experimenter", ARM]
+    measured_s, keyed_s = (study_trials(one)[1][0].lift_off_s for one in (plain, folder))
+    assert measured_s == pytest.approx(2.05, abs=0.05)
+    assert keyed_s == pytest.approx(1.0, abs=0.5)
+    assert [study_trials(one)[1][0].success for one in (plain, folder)] == [True, True]
+
+
+def test_an_object_put_down_is_not_dropped_and_missing_pictures_drop_nothing() -> None:
+    def dropped(courses: list[tuple[float, float, bool | None]]) -> list[float]:
+        lift = ArmLift()
+        looks = (lift.check(t_s, arm_m, touching=touching) for t_s, arm_m, touching in courses)
+        return [check.dropped_s for check in looks if check.dropped_s is not None]
+
+    up = [(k / 10, 0.3 + min(k, 20) / 100, True) for k in range(40)]
+    assert dropped([*up, *((4 + k / 10, 0.5, False) for k in range(10))]) == [pytest.approx(3.9)]
+    down = [(4 + k / 10, 0.5 - k / 100, True) for k in range(20)]
+    assert not dropped([*up, *down, *((6 + k / 10, 0.3, False) for k in range(10))])
+    assert not dropped([*up, *((4 + k / 10, 0.5, None) for k in range(10))])
+
+
+def test_a_hand_that_lags_behind_its_command_holds_something() -> None:
+    lift = ArmLift()
+    for k in range(40):
+        check = lift.check(k / 10, 0.3 + min(k, 20) / 100, touching=k < 20, level=4, closure=3.5)
+        assert check.dropped_s is None
+    assert check.height_m == pytest.approx(0.2)
