@@ -48,8 +48,10 @@ def packets(
     encoder = SceneEncoder(*SIZE, rate_hz=rate_hz, video=video)
     made = []
     for number, t_ns in enumerate(times_ns):
-        made += encoder.encode(numbered(number), t_ns)
-    return [*made, *encoder.close()]
+        (packet,) = encoder.encode(numbered(number), t_ns)  # one a picture, and none waits
+        made.append(packet)
+    assert not encoder.close()
+    return made
 
 
 def write_scene(

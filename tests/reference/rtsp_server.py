@@ -1,7 +1,7 @@
 """Serve a film over RTSP with GStreamer's server: a program for the system's Python, which has its bindings.
 
 ``/usr/bin/python3 rtsp_server.py FILM.mp4 PORT`` says ``serving`` once it listens; each client is sent the film from
-its beginning. It imports nothing of TEGA. Debian's packages are named in :mod:`reference.film_server`.
+its beginning. It imports nothing of TEGA. Debian's packages are named in ``tega_scene/test_peer_rtsp.py``.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,14 +12,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.parts import Running
 from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
-from tega.loop import run_session
-from tega.loop.controls import Controls
 from tega.records import Alert, Intent, RunState
 from tega.records.bus import Bus
-from tega.safety.stop import Stop
 from tega.stages import MuscleSetup
 from tega_lsl.decoder import OutsideDecoder, OutsideOptions
 
@@ -162,15 +159,7 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
         bus.subscribe(RunState, lambda reported: states.append(reported.state))
         bus.subscribe(Intent, intents.append)
         bus.subscribe(Alert, lambda reported: alerts.append(reported.said))
-        stop, done = Stop(), list[dict[str, Any]]()
-        over = threading.Event()
-        stop.also(lambda: "the test" if over.is_set() else "")
-        config = check_tree(tree, {}, base=tmp_path).config
-        run = threading.Thread(
-            target=lambda: done.append(run_session(config, bus=bus, controls=Controls(stop=stop)))
-        )
-        run.start()
-        try:
+        with Running(check_tree(tree, {}, base=tmp_path).config, bus) as run:
             until(lambda: states[-1:] == ["active"])
             other.say("0.75")
             until(lambda: intents[-1].closure == 0.75)
@@ -182,9 +171,6 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
             assert {intent.closure for intent in intents[n:]} == {0.75}
             other.say("0.5")
             until(lambda: states[-1] == "active" and intents[-1].closure == 0.5)
-        finally:
-            over.set()
-            run.join(30)
-    found = replay_file(tmp_path / "rec" / str(done[0]["recording"]["file"]))
+    found = replay_file(tmp_path / "rec" / str(run.summary["recording"]["file"]))
     assert found.same
     assert {stream.stream for stream in found.streams} >= {"/emg/levels", "/beside/proportional/emg"}

@@ -6,20 +6,17 @@ import shutil
 import subprocess
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reference.parts import observed
+from reference.parts import Running
 from reference.processes import until
 from reference.xdf_file import Received, write_xdf
 from tega.config import check_tree
 from tega.loop import run_session
-from tega.loop.controls import Controls
 from tega.recording.mcap_reader import McapReader, Message
 from tega.records import ArmMeasured, ArmTarget, ForearmPose
 from tega.records.bus import Backlog, Bus
@@ -59,24 +56,8 @@ def tree(folder: Path, **markers: str) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def running(settings: dict[str, Any]) -> Iterator[dict[str, Any]]:
-    """Run until the block ends; what it gives is then the summary."""
-    over, begun, summary = threading.Event(), threading.Event(), dict[str, Any]()
-    config = check_tree(settings, {}, base=Path.cwd()).config
-
-    def run() -> None:
-        bus = observed(on_state=lambda _change: begun.set())
-        summary.update(run_session(config, controls=Controls(stop=over.is_set), bus=bus))
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    try:
-        assert begun.wait(60.0)
-        yield summary
-    finally:
-        over.set()
-        thread.join()
+def running(settings: dict[str, Any]) -> Running:
+    return Running(check_tree(settings, {}, base=Path.cwd()).config)
 
 
 def marked(file: Path, topic: str) -> tuple[list[Message], dict[str, dict[str, str]]]:
@@ -93,11 +74,12 @@ def test_markers_of_another_process_are_recorded_when_they_were_set(
         pytest.skip("no clock of its own for a process here (unshare --time)")
     monkeypatch.setattr(process, "python_command", lambda *words: [*before, *python_command(*words)])
     offset_s = CLOCK_AHEAD_S if ahead else 0
-    with Emulator("lsl_markers") as other, running(tree(tmp_path, lsl_in=other.port)) as summary:
+    with Emulator("lsl_markers") as other, running(tree(tmp_path, lsl_in=other.port)) as run:
         # The run listens from here on; it has not yet compared the clocks, which takes two thirds of a second.
         until(lambda: bool(other.say("mark warm-up")["consumers"]))
         then = {name: other.say(f"mark {name}")["at_s"] for name in ("one", "two", "three")}
         then["earlier"] = other.say("mark earlier 0.5")["at_s"]
+        summary = run.end()
     file = tmp_path / str(summary["recording"]["file"])
     messages, metadata = marked(file, "/markers")
     start_s = int(metadata["tega"]["start_ns"]) / 1e9
@@ -133,12 +115,14 @@ def test_another_process_hears_states_trials_faults_and_pedals_when_they_happene
     ):
         settings = tree(tmp_path, lsl_out="tega-test-run", lsl_in="nobody-there")
         settings["input"] = {"marker": {"driver": "pedal"}}
-        with running(settings) as summary:
+        with running(settings) as run:
+            until(lambda: bool(run.views))
             sentence = other.say("hear tega-test-run")
             assert "lsl_local_clock" in sentence["xml"]
             pedal.say("press 0")
             until(lambda: any(text.startswith("pedal:") for _, text in other.say("heard")["heard"]))
             pedal.say("lift 0")
+            summary = run.end()
         until(lambda: any(text == "state:stopped" for _, text in other.say("heard")["heard"]))
         received = other.say("heard")["heard"]
     file = tmp_path / str(summary["recording"]["file"])

@@ -2,41 +2,52 @@
 
 from __future__ import annotations
 
+import signal
+import socket
+import subprocess
 import sys
-import threading
-from collections.abc import Callable
+from contextlib import ExitStack
+from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import pytest
-
-from tega.loop.controls import Controls
 
 pytest.importorskip("cv2")
 pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
-from reference.film_server import (
-    HIGH,
-    RATE_HZ,
-    RTSP_PACKAGES,
-    WIDE,
-    RtspServer,
-    has_rtsp_server,
-    numbered_film,
-)
-from reference.filmed import number_of
+import av
+import cv2
+import numpy as np
+
+from reference.film_server import HIGH, RATE_HZ, WIDE
+from reference.filmed import number_of, numbered
+from reference.parts import Running
 from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
 from tega.records import Alert
-from tega.records.bus import Bus
-from tega.setup.doctor import examine
 from tega_scene.pictures import read_pictures
 from tega_scene.record import export_camera
 from tega_scene.video import SceneVideo
+
+RTSP_PACKAGES: Final = (
+    "gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-bad gstreamer1.0-plugins-base gstreamer1.0-plugins-good "
+    "python3-gi"
+)
+"""Debian's packages of GStreamer's RTSP server."""
+_SYSTEM_PYTHON: Final = "/usr/bin/python3"
+_SERVER: Final = Path(__file__).parents[1] / "reference/rtsp_server.py"
+
+
+def has_rtsp_server() -> bool:
+    """Whether GStreamer's RTSP server is installed."""
+    words = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
+    return Path(words[0]).exists() and not subprocess.run(words, capture_output=True, check=False).returncode
+
 
 pytestmark = [
     pytest.mark.slow,
@@ -45,52 +56,64 @@ pytestmark = [
 ]
 
 
+class RtspServer:
+    """Serves a film, H.264 in MP4, by GStreamer's RTSP server in a process of its own while the block runs."""
+
+    def __init__(self, film: Path, port: int = 0) -> None:
+        if not port:
+            with socket.create_server(("127.0.0.1", 0)) as free:
+                port = free.getsockname()[1]
+        self._film, self.port = film, port
+        self.url = f"rtsp://127.0.0.1:{port}/film"
+
+    def __enter__(self) -> RtspServer:
+        """Serve."""
+        words = [_SYSTEM_PYTHON, str(_SERVER), str(self._film), str(self.port)]
+        self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
+        assert self._process.stdout is not None
+        assert self._process.stdout.readline() == "serving\n"
+        return self
+
+    def stand_still(self) -> None:
+        """Say nothing any more, and keep every connection, as where a cable is pulled."""
+        self._process.send_signal(signal.SIGSTOP)
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.wait()
+        assert self._process.stdout is not None
+        self._process.stdout.close()
+
+
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a film of a minute, whose pictures say their numbers."""
-    return numbered_film(tmp_path_factory.mktemp("film") / "film.mp4")
+    """Return a minute's numbered pictures, H.264 in MP4, one of so many a second standing alone, as a camera sends."""
+    path = tmp_path_factory.mktemp("film") / "film.mp4"
+    with av.open(str(path), "w") as out:
+        stream = out.add_stream("libx264", rate=round(RATE_HZ), options={"tune": "zerolatency", "g": "20"})
+        stream.width, stream.height, stream.pix_fmt = WIDE, HIGH, "yuv420p"
+        for number in range(1200):
+            image = np.asarray(cv2.resize(numbered(number % 256), (WIDE, HIGH)), np.uint8)
+            frame = av.VideoFrame.from_ndarray(image, format="bgr24")
+            frame.pts, frame.time_base = number, Fraction(1, round(RATE_HZ))
+            out.mux(stream.encode(frame))
+        out.mux(stream.encode(None))
+    return path
 
 
-class Run:
-    """A run that films an address in a thread, and what is said of it meanwhile."""
+class Run(Running):
+    """A run that films an address, and what is said of it meanwhile."""
 
     def __init__(self, folder: Path, url: str) -> None:
-        self.n_pictures, self.said = 0, list[str]()
-        self._folder, self._url, self._done = folder, url, threading.Event()
-        self._summary: dict[str, Any] = {}
-        self._failed: Exception | None = None
-        self._thread = threading.Thread(target=self._go, daemon=True)
-        self._thread.start()
+        super().__init__(config_of(folder, url))
+        self.pictures, self.alerts = list[SceneVideo](), list[Alert]()
+        self.bus.subscribe(SceneVideo, self.pictures.append, vital=True)
+        self.bus.subscribe(Alert, self.alerts.append, vital=True)
 
-    def _go(self) -> None:
-        bus = Bus()
-        bus.subscribe(SceneVideo, self._count, vital=True)
-        bus.subscribe(Alert, self._receive, vital=True)
-        try:
-            self._summary = run_session(
-                config_of(self._folder, self._url), bus=bus, controls=Controls(stop=self._done.is_set)
-            )
-        except Exception as error:
-            self._failed = error
-
-    def _count(self, _: SceneVideo) -> None:
-        self.n_pictures += 1
-
-    def _receive(self, one: Alert) -> None:
-        if one.name == "scene":
-            self.said.append(one.said)
-
-    def until(self, true: Callable[[], bool]) -> None:
-        """Wait until something is so, or the run has failed."""
-        until(lambda: true() or self._failed is not None)
-        assert self._failed is None, self._failed
-
-    def end(self) -> dict[str, Any]:
-        """End the run, and return its summary."""
-        self._done.set()
-        self._thread.join(60)
-        assert self._failed is None, self._failed
-        return self._summary
+    @property
+    def said(self) -> list[str]:
+        return [one.said for one in self.alerts if one.name == "scene"]
 
 
 def config_of(folder: Path, url: str) -> Any:
@@ -114,9 +137,8 @@ def filmed(folder: Path, summary: dict[str, Any]) -> list[int]:
 
 
 def test_a_stream_is_filmed_into_the_run_s_own_recording(film: Path, tmp_path: Path) -> None:
-    with RtspServer(film) as server:
-        run = Run(tmp_path, server.url)
-        run.until(lambda: run.n_pictures > 2 * RATE_HZ)
+    with RtspServer(film) as server, Run(tmp_path, server.url) as run:
+        until(lambda: len(run.pictures) > 2 * RATE_HZ)
         summary = run.end()
     reported = summary["scene"]["front"]
     assert (reported["lost"], reported["trouble"], run.said) == (0, "", [])
@@ -128,30 +150,24 @@ def test_a_stream_is_filmed_into_the_run_s_own_recording(film: Path, tmp_path: P
 
 @pytest.mark.parametrize("how", ["ends", "stands still"])
 def test_a_server_that_is_lost_is_told_counted_and_found_again(film: Path, tmp_path: Path, how: str) -> None:
-    with RtspServer(film) as server:
-        run = Run(tmp_path, server.url)
-        run.until(lambda: run.n_pictures > 10)
-        if how == "stands still":
-            server.stand_still()
-            run.until(lambda: bool(run.said))
-    run.until(lambda: bool(run.said))
-    before = run.n_pictures
-    with RtspServer(film, server.port):
-        run.until(lambda: run.n_pictures > before + 10 and run.said[-1] == "")
-        summary = run.end()
+    with ExitStack() as stack:
+        with RtspServer(film) as server:
+            run = stack.enter_context(Run(tmp_path, server.url))
+            until(lambda: len(run.pictures) > 10)
+            if how == "stands still":
+                server.stand_still()
+                until(lambda: bool(run.said))
+        until(lambda: bool(run.said))
+        before = len(run.pictures)
+        with RtspServer(film, server.port):
+            until(lambda: len(run.pictures) > before + 10 and run.said[-1] == "")
+            summary = run.end()
     assert "stopped" in run.said[0]
     assert (summary["scene"]["front"]["lost"], summary["scene"]["front"]["trouble"]) == (1, "")
     assert "scene front: lost 1 times and found again" in summary["notes"]
     numbers = filmed(tmp_path, summary)
     # The new server begins its film anew: so do the numbers, once.
     assert sum(b < a for a, b in pairwise(numbers)) == 1
-
-
-def test_doctor_films_it_for_a_moment(film: Path, tmp_path: Path) -> None:
-    with RtspServer(film) as server:
-        found = {one.check: one for one in examine(config_of(tmp_path, server.url), name="lab.toml").findings}
-    assert found["scene.front"].status == "ok"
-    assert f"{WIDE}×{HIGH}" in found["scene.front"].finding
 
 
 def test_nobody_and_another_path_at_the_address_refuse_the_run(film: Path, tmp_path: Path) -> None:

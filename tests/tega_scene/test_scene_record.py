@@ -16,7 +16,7 @@ pytest.importorskip("av")
 pytest.importorskip("foxglove")
 
 from reference.command import call
-from reference.filmed import SIZE, film, number_of, numbered, write_scene
+from reference.filmed import SIZE, film, number_of, write_scene
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay.followed_file import PlayedMoment
@@ -35,18 +35,7 @@ from tega_scene.pictures import (
 from tega_scene.played import followed_scene
 from tega_scene.record import export_camera, record_cameras
 from tega_scene.settings import VideoFormat
-from tega_scene.video import SceneDecoder, SceneEncoder
-
-
-@pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
-def test_every_packet_is_one_picture_and_none_waits(video: VideoFormat) -> None:
-    encoder, decoder = SceneEncoder(*SIZE, rate_hz=30, video=video), SceneDecoder(video)
-    for number in range(10):
-        (packet,) = encoder.encode(numbered(number), 1000 * number + 7)
-        decoder.take(*packet)
-        displayed = decoder.image()
-        assert displayed is not None
-        assert (displayed[0], number_of(displayed[1])) == (packet[0], number) == (1000 * number + 7, number)
+from tega_scene.video import SceneEncoder
 
 
 @pytest.mark.parametrize("video", ["h264", pytest.param("av1", marks=pytest.mark.slow)])
