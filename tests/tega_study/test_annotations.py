@@ -250,18 +250,27 @@ def test_a_state_counts_once_and_keeps_length_modifiers_and_comment(study: Path,
 
 
 @pytest.mark.parametrize(
-    ("rows", "message"),
+    ("text", "message"),
     [
-        ([row("slip", "POINT", "931.2")], r"'slip' at 931\.200 s is outside: it is 5\.960 s long"),
-        ([row("slip", "POINT", "-3.5")], r"'slip' at -3\.500 s is outside"),
-        ([row("deformation", "START", "3"), row("deformation", "STOP", "7")], r"at 7\.000 s is outside"),
-        ([row("jump", "POINT", "3")], "'jump' is not known.*slip, deformation, drop, lift_off, regrasp"),
+        (table([row("slip", "POINT", "931.2")]), r"'slip' at 931\.200 s is outside: it is 5\.960 s long"),
+        (table([row("slip", "POINT", "-3.5")]), r"'slip' at -3\.500 s is outside"),
+        (
+            table([row("deformation", "START", "3"), row("deformation", "STOP", "7")]),
+            r"at 7\.000 s is outside",
+        ),
+        (
+            table([row("jump", "POINT", "3")]),
+            "'jump' is not known.*slip, deformation, drop, lift_off, regrasp",
+        ),
+        ("a,b\n1,2\n", "no column Behavior, Time"),
+        ("Observation id,Behavior,Time\nmine,slip,1\n", "names no trial"),
+        ("Observation id,Behavior,Time\np01_t01_a2,slip,1\n", "was not run"),
     ],
 )
-def test_events_outside_of_the_trial_are_refused_with_its_length(
-    rows: list[list[str]], message: str, study: Path, tmp_path: Path
+def test_events_of_no_trial_or_outside_of_it_are_refused_and_change_nothing(
+    text: str, message: str, study: Path, tmp_path: Path
 ) -> None:
-    (tmp_path / "a.tsv").write_text(table(rows))
+    (tmp_path / "a.tsv").write_text(text)
     with pytest.raises(RecordingError, match=message):
         import_boris(study, tmp_path / "a.tsv", "r1")
     assert "r1" not in read_observers(study, "p01")

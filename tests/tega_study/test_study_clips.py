@@ -221,13 +221,20 @@ def test_an_account_is_live_or_of_clips(made: Path, tmp_path: Path) -> None:
         make_clips(made, tmp_path / "live", "r3")
 
 
-def test_boris_opens_the_project_and_finds_its_media(whole: Path) -> None:
+def test_boris_opens_the_project_and_finds_its_media_and_a_behaviour_that_is_none(
+    whole: Path, tmp_path: Path
+) -> None:
     opened = boris_project(whole / "r1" / "r1.boris", media=True)
     if opened is None:
         pytest.skip("pip install boris-behav-obs, or TEGA_BORIS names a Python that has it")
     assert len(opened["observations"]) == 4
-    codes = {one["code"] for one in opened["behaviors_conf"].values()}
-    assert codes == {"slip", "deformation", "drop", "lift_off"}
+    keys = {one["code"]: one["key"] for one in opened["behaviors_conf"].values()}
+    assert set(keys) == {"slip", "deformation", "drop", "lift_off"}
+    assert keys["slip"] == "s"
+    changed = Path(shutil.copy(whole / "r1" / "r1.boris", tmp_path))
+    coded(changed, lambda _name, _events: [[1.0, "", "sneeze", "", ""]])
+    with pytest.raises(AssertionError, match="sneeze"):
+        boris_project(changed)
 
 
 def test_whoever_withdrew_is_in_no_clip_and_is_not_taken_in(made: Path, tmp_path: Path) -> None:

@@ -13,7 +13,15 @@ from typing import Any
 import pytest
 
 from reference.processes import until
-from reference.study_bench import Experimenter, LiftingBench, StandingBench, events_of, kinds, study
+from reference.study_bench import (
+    Experimenter,
+    LiftingBench,
+    StandingBench,
+    events_of,
+    kinds,
+    study,
+    trial_led,
+)
 from tega.errors import InvalidValueError
 from tega.runtime.clock import SystemClock
 from tega_study.analyse import analyse_study
@@ -25,7 +33,6 @@ from tega_study.lead.questions import KEYS, QUESTIONS, BlockQuestions, answer_of
 from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import board_path, read_board
-from tega_study.lead.trial import LedTrial
 from tega_study.page import report_html
 from tega_study.plan import read_plan
 from tega_study.ratings import ratings
@@ -157,13 +164,7 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
 ) -> None:
     folder = study(tmp_path)
     with Journal(events_path(folder, "p01")) as journal:
-        own: dict[str, Any] = {
-            "bench": StandingBench(own_time=True),
-            "journal": journal,
-            "clock": SystemClock(),
-        }
-        trial = read_plan(folder).of("p01")[0]
-        led = LedTrial(folder, trial, 1, task="lift", window_s=15.0, time_scale=0.001, **own)
+        led = trial_led(folder, journal, StandingBench(own_time=True))
         until(lambda: (led.step([]), led.phase == "trial")[1])
         monkeypatch.setattr(led.going, "elapsed_s", lambda: at_s)
         assert led.step([key]) == ends

@@ -24,7 +24,6 @@ from tega_study.lead.benches import SimulatedBench
 from tega_study.lead.questions import TLX
 from tega_study.lead.session import lead_session
 from tega_study.observe.observing import Observing
-from tega_study.observers import observer_path
 from tega_study.page import report_html
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.report import csv_files
@@ -157,24 +156,6 @@ def test_boris_goes_out_and_comes_back(folder: Path, tmp_path: Path) -> None:
     assert found["slip", "r1", "r3"].delay_s == pytest.approx(0.0, abs=1e-9)
     with pytest.raises(InvalidValueError, match="has scored p01 already"):
         import_boris(folder, path, "r3")
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("a,b\n1,2\n", "no column Behavior, Time"),
-        ("Observation id,Behavior,Time\nmine,slip,1\n", "names no trial"),
-        ("Observation id,Behavior,Time\np01_t01_a1,jump,1\n", "'jump' is not known"),
-        ("Observation id,Behavior,Time\np01_t01_a2,slip,1\n", "was not run"),
-        ("Observation id,Behavior,Time\np01_t01_a1,slip,soon\n", "row 2: 'soon' is no time"),
-    ],
-)
-def test_a_bad_file_changes_nothing(folder: Path, tmp_path: Path, text: str, message: str) -> None:
-    path = tmp_path / "events.csv"
-    path.write_text(text)
-    with pytest.raises(RecordingError, match=message):
-        import_boris(folder, path, "video")
-    assert not observer_path(folder, "p01", "video").exists()
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ import pytest
 
 from reference.command import call
 from reference.processes import until
-from reference.study_bench import ScriptedDesk, StandingBench, study
+from reference.study_bench import ScriptedDesk, StandingBench, study, trial_led
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.loop.snapshot import LoopView
 from tega.runtime.clock import ManualClock, SystemClock
@@ -29,7 +29,7 @@ from tega_study.lead.experimenter import ENTER, Screen
 from tega_study.lead.running_trial import ARM, ArmLift, Going
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import KEYS, CommandFile, board_path, commands_path, notify, read_board
-from tega_study.lead.trial import LedTrial, undo_last
+from tega_study.lead.trial import undo_last
 from tega_study.plan import PlannedTrial, read_plan
 from tega_study.state import derive
 from tega_study.trials import study_trials
@@ -249,9 +249,7 @@ def _led(folder: Path, bench: Any, keys: dict[float, str]) -> tuple[list[Journal
     """Lead a trial, keys by time since its start; return its events and its beginning."""
     left = dict(sorted(keys.items()))
     with Journal(events_path(folder, "p01")) as journal:
-        own: dict[str, Any] = {"bench": bench, "journal": journal, "clock": SystemClock()}
-        trial = read_plan(folder).of("p01")[0]
-        led = LedTrial(folder, trial, 1, task="lift", window_s=15.0, time_scale=0.001, **own)
+        led = trial_led(folder, journal, bench)
         pressed: list[str] = []
         while not led.step(pressed):
             due = [at_s for at_s in left if led.going.elapsed_s() >= at_s]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -11,15 +10,12 @@ from pathlib import Path
 import pytest
 
 from reference.sessions import record
-from reference.written import boris_project, mcap_trouble
+from reference.written import mcap_trouble
 from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_folder import SessionFolder, in_order, session_files
 from tega.runtime.files import whole_file as file_lock
 from tega.runtime.files.whole_file import lock_file
 from tega_study.journal import Journal, read_events
-from tega_study.plan import make_plan, read_plan, write_plan
-from tega_study.score.boris import export_boris
-from tega_study.state import resume
 
 _HOLD = (
     "import sys; from pathlib import Path; from tega.runtime.files import whole_file as file_lock\n"
@@ -95,28 +91,3 @@ def test_a_wrong_byte_among_the_messages_and_of_the_summary_is_found(recording: 
     broken = bytearray(recording)
     broken[round(share * len(recording)) if share > 0 else int(share)] ^= 0xFF
     assert mcap_trouble(bytes(broken))
-
-
-@pytest.fixture
-def project(tmp_path: Path) -> Path:
-    """Return the project of a study with one trial to score."""
-    folder = tmp_path / "study"
-    write_plan(make_plan(participants=1, seed=5, objects=["bag"], trials=2, simulated=True), folder)
-    with resume(folder, read_plan(folder), "p01", t_ns=0, where="simulated")[0] as journal:
-        journal.add("trial_start", t_ns=10, trial=1, source="auto")
-        journal.add("trial_end", t_ns=2_000_000_010, trial=1, status="done", success=True, source="auto")
-    assert export_boris(folder, tmp_path / "out.boris") == 1
-    return tmp_path / "out.boris"
-
-
-def test_boris_opens_a_project_and_finds_a_behaviour_that_is_none(project: Path) -> None:
-    tree = boris_project(project)
-    if tree is None:
-        pytest.skip("boris-behav-obs is in an environment of .ci/extras")
-    assert list(tree["observations"]) == ["p01_t01_a1"]
-    assert {one["code"]: one["key"] for one in tree["behaviors_conf"].values()}["slip"] == "s"
-    changed = json.loads(project.read_text())
-    changed["observations"]["p01_t01_a1"]["events"] = [[1.0, "", "sneeze", "", ""]]
-    project.write_text(json.dumps(changed))
-    with pytest.raises(AssertionError, match="sneeze"):
-        boris_project(project)
