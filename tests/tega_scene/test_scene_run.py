@@ -24,7 +24,7 @@ import numpy as np
 from reference.film_server import FilmServer
 from reference.filmed import SIZE, film, number_of
 from reference.played_streams import Heard, nowhere
-from reference.processes import until
+from reference.processes import begun_by, until
 from tega.config import check_tree, load_config
 from tega.config.attached import config_text
 from tega.errors import ConfigError, DeviceUnavailableError, RecordingError, UnsafeNameError
@@ -191,7 +191,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
     def take(_: SceneVideo) -> None:
         n_pictures[0] += 1
         if n_pictures[0] == 10:
-            (killed[0],) = _children("tega_scene.camera_program")
+            (killed[0],) = begun_by(os.getpid(), "tega_scene.camera_program")
             os.kill(killed[0], signal.SIGKILL)
         elif n_pictures[0] > 30:
             done.set()
@@ -207,7 +207,7 @@ def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
                if one.schema == "tega.Alert")  # fmt: skip
     assert export_camera(recording, "front", tmp_path / "front.mp4") == n_pictures[0]
     assert len(list(read_pictures(tmp_path / "front.mp4"))) == n_pictures[0]
-    assert not _children("tega_scene.camera_program")
+    assert not begun_by(os.getpid(), "tega_scene.camera_program")
 
 
 @pytest.mark.parametrize(
@@ -227,7 +227,7 @@ def test_a_camera_that_is_not_there_refuses_the_run(
     with pytest.raises(kind, match=message):
         filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
-    assert not _children("tega_scene.camera_program")
+    assert not begun_by(os.getpid(), "tega_scene.camera_program")
 
 
 @pytest.mark.slow
@@ -242,7 +242,7 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
                 tmp_path,
                 controls=Controls(stop=lambda: next(requested, None) is None),
             )
-    assert not _children("tega_scene.camera_program")
+    assert not begun_by(os.getpid(), "tega_scene.camera_program")
 
 
 @pytest.mark.parametrize(
@@ -359,17 +359,3 @@ def test_doctor_tells_a_lens_of_another_size(tmp_path: Path) -> None:
     (found,) = (one for one in examine(config, name="lab.toml").findings if one.check == "scene.front")
     assert found.status == "error"
     assert found.finding == "cam.json is of pictures of 640×480, and the camera films 192×128"
-
-
-def _children(module: str) -> list[int]:
-    """Return the processes of this one that run a module, and have not ended."""
-    found = []
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            status = (folder / "status").read_text()
-            words = (folder / "cmdline").read_bytes()
-        except OSError:
-            continue
-        if f"PPid:\t{os.getpid()}\n" in status and module.encode() in words:
-            found.append(int(folder.name))
-    return found

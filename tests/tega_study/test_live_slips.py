@@ -206,14 +206,12 @@ def test_ticks_that_are_made_up_for_look_once() -> None:
     assert (seen[0].t_ns, seen[0].seen_ns) == (3 * MS, 60 * MS)
 
 
-def _plain_hand(angles_rad: object, **more: bool) -> Any:
-    """A hand of another package, which may not say whether it is silent."""
-    return SimpleNamespace(angles_rad=angles_rad, **more)
-
-
 def test_angles_of_a_silent_hand_and_those_that_are_none_are_not_passed_on() -> None:
     def reported(angles_rad: object, **more: bool) -> object:
-        return fresh_angles_rad(_plain_hand(angles_rad, **more))
+        hand: Any = SimpleNamespace(
+            angles_rad=angles_rad, **more
+        )  # of another package, perhaps without `silent`
+        return fresh_angles_rad(hand)
 
     assert np.array_equal(np.asarray(reported([0.5] * 16)), np.full(16, 0.5))
     assert reported([0.5] * 16, silent=True) is None
@@ -245,12 +243,12 @@ def test_a_reflex_is_told_no_closure_of_a_hand_that_has_told_no_angles() -> None
         arc.step(0, 3.0, dict)
         return reported[0].measured
 
-    assert measured(_plain_hand([math.nan] * 16)) is None
-    assert measured(_plain_hand(CLOSURE_POSES_RAD[2])) == pytest.approx(3.0)
+    assert measured(SimpleNamespace(angles_rad=[math.nan] * 16)) is None
+    assert measured(SimpleNamespace(angles_rad=CLOSURE_POSES_RAD[2])) == pytest.approx(3.0)
 
 
 def test_the_settings_choose_what_tells_slips() -> None:
-    hand = _plain_hand([0.5] * 16)
+    hand = SimpleNamespace(angles_rad=[0.5] * 16)
 
     def looks(*sets: str, hand: Any = hand, height_m: Any = lambda: 0.1) -> HandPolls | None:
         config = load_config(None, environ={}, sets=sets).config

@@ -210,6 +210,9 @@ def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(
     for person in ("p01", "p02", "p03"):
         run_all(folder, person)
     withdraw(folder, "p02")
+    course = folder / "courses/p01/p01-t01.csv"
+    course.parent.mkdir(parents=True)
+    course.write_bytes(b"t_s,cci,eda,pose\n")
     new = export(folder, tmp_path / "out", key="a secret")
     assert set(new) == {"p01", "p03", "p04"}
     assert set(new.values()) == {"p01", "p02", "p03"}
@@ -222,11 +225,14 @@ def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(
 
     def numbers(place: Path, person: str) -> list[tuple[object, ...]]:
         trials = [trial for trial in study_trials(place)[1] if trial.participant == person]
-        return [(t.object, t.condition, t.slips, t.slips_before, t.duration_s) for t in trials]
+        return [(t.success, t.object, t.condition, t.slips, t.slips_before, t.duration_s) for t in trials]
 
     for old in ("p01", "p03"):
         assert numbers(folder, old) == numbers(tmp_path / "out", new[old])
-    assert numbers(folder, "p01")[3][2:] == (4, 1, 9.0)
+    (copied,) = (tmp_path / "out/courses").rglob("*.csv")
+    assert copied == tmp_path / f"out/courses/{new['p01']}/{new['p01']}-t01.csv"
+    assert copied.read_bytes() == course.read_bytes()
+    assert numbers(folder, "p01")[3][3:] == (4, 1, 9.0)
 
 
 def test_what_is_kept_is_on_the_disk_before_the_call_returns_and_events_that_were_taken_out_are_noticed(

@@ -16,7 +16,6 @@ from typing import Any
 
 import pytest
 
-pytest.importorskip("mujoco")
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
 
