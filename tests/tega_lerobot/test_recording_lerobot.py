@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from reference import lerobot_data
 from reference.command import call
-from reference.lerobot_data import FPS, episodes, info, rows
+from reference.lerobot_data import FPS, info, rows
 from reference.sessions import record, rewritten
 from tega.errors import ConfigError, RecordingError
 from tega.hand import JOINT_NAMES
 from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
+from tega.recording.trim import trim_session
 from tega_lerobot.dataset import export_lerobot
 from tega_lerobot.streams import Stream
 from tega_lerobot.video import EpisodeCamera
@@ -27,7 +27,18 @@ from tega_lerobot.video import EpisodeCamera
 parquet = pytest.importorskip("pyarrow.parquet", reason="needs the extra tega[lerobot]")
 av = pytest.importorskip("av", reason="needs the extra tega[lerobot]")
 
-parts, dataset = lerobot_data.parts, lerobot_data.dataset
+
+@pytest.fixture(scope="module")
+def dataset(lossless: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    part = trim_session(lossless, from_s=0.4, to_s=1.1, out=tmp_path_factory.mktemp("part") / "part")
+    folder = tmp_path_factory.mktemp("dataset") / "dataset"
+    return export_lerobot([lossless, part], folder, fps=FPS, task="lift the bottle")
+
+
+def episodes(dataset: Path) -> list[dict[str, Any]]:
+    path = dataset / "meta/episodes/chunk-000/file-000.parquet"
+    found: list[dict[str, Any]] = parquet.read_table(path).to_pylist()
+    return found
 
 
 def test_the_layout_is_the_published_one(dataset: Path) -> None:

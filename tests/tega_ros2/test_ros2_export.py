@@ -139,14 +139,9 @@ def expected(message: Message, epoch_ns: int) -> Any:
 
 
 def same(one: Any, other: Any) -> bool:
-    """Whether two plain messages are equal, every NaN like another, and 0 like -0."""
-    return repr(_ordered(one)) == repr(_ordered(other))
-
-
-def _ordered(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {name: _ordered(value[name]) for name in sorted(value)}
-    return [_ordered(one) for one in value] if isinstance(value, list) else value
+    """Whether two plain messages are equal, every NaN like another."""
+    first, second = (json.dumps(message, sort_keys=True, default=repr) for message in (one, other))
+    return first == second
 
 
 def compared(recording: Path, bag: Path) -> Iterator[tuple[Message, list[tuple[str, str, Any]]]]:

@@ -86,24 +86,25 @@ def test_a_session_is_led_by_other_processes_from_start_to_end(folder: Path) -> 
 
 def test_commands_press_the_keys_of_the_screen(tmp_path: Path) -> None:
     path = tmp_path / "told.jsonl"
-    path.write_text('{"do": "end"}\n')
+
+    def add(text: str) -> None:
+        with path.open("a") as file:
+            file.write(text)
+
+    add('{"do": "end"}\n')
     clock = ManualClock()
     taken = CommandFile(path, clock)
     assert taken.take() == [], "a command of an earlier session ends no trial of this one"
-    with path.open("a") as file:
-        file.write('{"do": "start"}\n{"do": "quit"}\n{"do": "sl')
+    add('{"do": "start"}\n{"do": "quit"}\n{"do": "sl')
     assert taken.take() == [ENTER, "q", "q"]
-    with path.open("a") as file:
-        file.write('ip"}\n{"do": 3}\n' + "[" * 200_000 + '\n{"do": "drop"}\n')
+    add('ip"}\n{"do": 3}\n' + "[" * 200_000 + '\n{"do": "drop"}\n')
     keys = [key for _ in range(9) for key in taken.take()]
     assert keys == ["s", "x"]
     path.write_text("")
     assert taken.take() == []
-    with path.open("a") as file:
-        file.write('{"do": "undo"}\n')
+    add('{"do": "undo"}\n')
     assert taken.take() == ["u"]
-    with path.open("a") as file:
-        file.write('{"do": "start"}\n')
+    add('{"do": "start"}\n')
     n_before = taken.n_taken
     clock.sleep_until(4 * 10**9)
     assert taken.take() == [], "given while a typed answer was waited for"
