@@ -208,6 +208,24 @@ def test_a_study_without_trials_is_left_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_anonymised_copy_gives_the_same_table_and_tests(study: Path, tmp_path: Path) -> None:
+    from tega_study.privacy import export
+
+    export(study, tmp_path / "open", key="secret")
+    (ours, _), (theirs, _) = analyse_study(study), analyse_study(tmp_path / "open")
+    for mine, copied in zip(ours.cells, theirs.cells, strict=True):
+        same = copied.object, copied.condition, copied.successes
+        assert (mine.object, mine.condition, mine.successes) == same
+        assert mine.slips == pytest.approx(copied.slips)
+    assert sorted(row.r or 0 for row in ours.couplings) == sorted(row.r or 0 for row in theirs.couplings)
+    for path in (tmp_path / "open" / "courses").rglob("*.csv"):
+        assert path.name.startswith(path.parent.name + "-")
+    for test, again in zip(ours.tests, theirs.tests, strict=True):
+        if test.level == "as printed":
+            assert test.p == pytest.approx(again.p)
+
+
+@pytest.mark.slow
 def test_the_verbs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def called(*words: str, code: int = 0) -> str:
         return call(capsys, "study", *words, code=code)[code > 0]
