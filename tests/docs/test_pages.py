@@ -119,7 +119,7 @@ CLOCKS: Final = (
     "tests/hazards/test_stamps.py",
     "tests/hazards/test_letting_go.py",
     "tests/tega/unit/test_arm.py",
-    "tests/tega/unit/test_picture_votes.py",
+    "tests/tega/unit/test_repeats.py",
 )
 
 

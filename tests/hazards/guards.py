@@ -68,7 +68,7 @@ _TIMES: Final = {
         "\n_STUCK_S = 0.1",
         "_MAINS_S = 0.2",
     ),
-    "tega/unit/test_picture_votes::a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture": (
+    "tega/unit/test_repeats::a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture": (
         "_BACK_NS = 500_000_000",
     ),
     "tega/unit/test_arm::a_tracker_that_jumps_away_and_back_has_no_vote_until_it_is_steady": (

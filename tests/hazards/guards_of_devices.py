@@ -194,7 +194,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the computer goes to sleep with the motors on",
-        "tega/unit/test_sleep_lock::a_hand_is_let_go_before_the_computer_sleeps",
+        "tega/unit/test_hand_standstill::a_hand_is_let_go_before_the_computer_sleeps",
         "            self._on_sleep()",
     ),
     Guard(
@@ -239,7 +239,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "the loss of the recorder's process is not told",
-        "tega/unit/test_recorder_process::"
+        "tega/unit/test_recording::"
         "a_killed_process_stops_the_recording_with_a_word_and_the_file_is_recovered",
         "                self._stop(self._gone())\n            self._queue.close()",
         "                pass\n            self._queue.close()",
@@ -275,18 +275,18 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a guard that takes a lost one's place at the end is dismissed whatever the device says",
-        "tega/unit/test_guard_process::a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
+        "tega/unit/test_hand_standstill::a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of",
         "                if closing:\n                    self._part_from(process)",
         '                if closing:\n                    self._write(b"done\\n", process)',
     ),
     Guard(
         "a guard that dies as the device is left to it is taken for one that has it",
-        "tega/unit/test_guard_process::a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[killed]",
+        "tega/unit/test_hand_standstill::a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[killed]",
         " and (self._safe or self._has_it.is_set())",
     ),
     Guard(
         "a device is left to a guard that stands still",
-        "tega/unit/test_guard_process::"
+        "tega/unit/test_hand_standstill::"
         "a_device_that_is_left_before_its_guard_s_loss_is_seen_is_let_go_of[stopped]",
         "            self._process.kill()  # it stands still: the thread that watches it starts another",
     ),

@@ -73,7 +73,7 @@ OF_RUNS: Final = (
     ),
     Guard(
         "a finger's joint is taken for the wrist",
-        "tega/unit/test_limb_loss::no_byte_of_a_packet_but_the_wrist_s_changes_a_pose",
+        "tega/unit/test_hololens::no_byte_of_a_packet_but_the_wrist_s_changes_a_pose",
         "_WRIST_NUMBER: Final = 1\n",
         "_WRIST_NUMBER: Final = 10\n",
     ),
@@ -108,17 +108,17 @@ OF_RUNS: Final = (
     ),
     Guard(
         "a dim picture keeps its vote",
-        "tega/unit/test_picture_votes::a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture",
+        "tega/unit/test_repeats::a_dark_camera_has_no_vote_until_half_a_second_after_the_last_dark_picture",
         "    if share < _DARK_SHARE:",
     ),
     Guard(
         "a torn picture keeps its vote",
-        "tega/unit/test_picture_votes::a_torn_picture_is_left_out_and_a_camera_that_tears_them_has_no_vote",
+        "tega/unit/test_repeats::a_torn_picture_is_left_out_and_a_camera_that_tears_them_has_no_vote",
         "    if of_one_colour or any(map(operator.eq, now, before)):",
     ),
     Guard(
         "the same picture again counts as a new one",
-        "tega/unit/test_picture_votes::a_frozen_camera_has_no_vote_until_a_picture_differs",
+        "tega/unit/test_repeats::a_frozen_camera_has_no_vote_until_a_picture_differs",
         "if self.live and self._n_equal >= STUCK_FRAMES:",
     ),
     Guard(

@@ -1,28 +1,41 @@
-"""Runs on live devices: they survive the loss of a source, and nothing moves before all is there."""
+"""Runs on live devices: the loss of a source, what the operator holds, and nothing moves before all is there."""
 
 from __future__ import annotations
 
+import io
 import os
+import sys
 import threading
+import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
+from reference.held import PEDAL, TWO
 from reference.kept import muscle_file
 from reference.parts import Given, observed
+from reference.played import finger
 from reference.processes import begun_by
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration import EmgMaxima
 from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk
 from tega.errors import DeviceUnavailableError
+from tega.loop import run_session
+from tega.loop.controls import Controls
 from tega.loop.inbox.sources import BlockMeter, SourceReport
-from tega.loop.session import run_session
+from tega.loop.snapshot import LoopView
 from tega.stages.decoders import RulesDecoder, RulesOptions
+from tega.ui.view.state import ViewState
+from tega.ui.view.terminal import render
+from tega_emulators.hid_port import HidBoard, HidPort
 from tega_emulators.lab import emulated_lab
 from tega_emulators.process import Emulator
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
 
 
 def test_missing_samples_take_their_time() -> None:
@@ -141,3 +154,64 @@ def test_a_source_that_is_missing_is_told_before_the_muscles(tmp_path: Path) -> 
         lab.sensors["thumb"].kill()
         with pytest.raises(DeviceUnavailableError, match="digit"):
             run_session(check_tree(lab.tree, {}, base=tmp_path).config)
+
+
+@pytest.mark.slow
+@linux
+def test_a_run_shows_and_counts_what_the_operator_holds(tmp_path: Path) -> None:
+    seen: list[LoopView] = []
+    with (
+        Emulator("hid_input", "--device", "spacemouse") as cap,
+        Emulator("hid_input", "--device", "pedal-keyboard") as foot,
+        HidPort(HidBoard(cap.port, *TWO), HidBoard(foot.port, *PEDAL)).installed(),
+    ):
+        settings = {
+            "session": {"duration_s": 30.0, "out_dir": str(tmp_path / "out")},
+            "tactile": {"thumb": finger(30.0, shape=(60, 80))},
+            "input": {
+                "motion": {"driver": "spacemouse"},
+                "dead_man": {"driver": "spacemouse", "button": "left", "options": {"silent_after_ms": 1e4}},
+                "marker": {"driver": "pedal", "button": "c"},
+            },
+        }
+
+        def watch(view: LoopView) -> None:
+            if not seen:
+                cap.say("push 0 -350 0 0 0 0")
+                cap.say("press 1")
+                cap.say("press 0")
+                foot.say("press 0")
+                time.sleep(0.1)  # no bounce
+                foot.say("lift 0")
+                foot.say("press 1")
+            seen.append(view)
+
+        def over() -> bool:
+            inputs = seen[-1].inputs if seen else {}
+            return bool(inputs) and inputs["marker"].held and inputs["motion"].state.motion[0] == 1.0
+
+        loaded = check_tree(settings, {}, base=Path.cwd())
+        assert loaded.values["input.dead_man.button"].value == "left"
+        summary = run_session(loaded.config, controls=Controls(stop=over), bus=observed(watch))
+    inputs = seen[-1].inputs
+    assert inputs["dead_man"].held
+    assert inputs["marker"].n_presses == 1
+    assert summary["ended"] == "stopped"
+    marker = summary["inputs"]["marker"]
+    assert (marker["driver"], marker["source"], marker["presses"]) == ("pedal", "PCsensor FootSwitch", 1)
+    assert marker["no_data_share"] == 0.0
+    console = Console(width=100, record=True, file=io.StringIO())
+    console.print(render(seen[-1], title="test", rates_hz={}))
+    page = pytest.importorskip("tega.ui.view.browser.state_html", reason="needs the extra tega[view]")
+    for drawn in (console.export_text(), page.status_html(ViewState(seen[-1].t_ns, seen[-1]))):
+        assert all(text in drawn for text in ("dead man", "x +1.00", "held, 1 press"))
+
+
+@linux
+def test_a_run_that_names_a_missing_input_does_not_begin() -> None:
+    settings = {
+        "tactile": {"thumb": finger(0.2, seed=1)},
+        "input": {"dead_man": {"driver": "pedal", "options": {"silent_after_ms": 100.0}}},
+    }
+    with HidPort().installed(), pytest.raises(DeviceUnavailableError, match="no pedal that is known"):
+        run_session(check_tree(settings, {}, base=Path.cwd()).config)
