@@ -262,9 +262,7 @@ def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> No
     far_m=st.floats(0.1, 0.6),
 )
 @settings(max_examples=6)
-def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_else(
-    goals, dt_ms, far_m
-) -> None:
+def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_else(goals, dt_ms, far_m):
     limits = LimitSettings()
     chain = ArmChain(ArmSettings(mapping=MappingSettings(frame="base", absolute=True), limits=limits))
     workspace = Workspace(limits)

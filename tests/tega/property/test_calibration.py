@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from datetime import datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -69,9 +68,7 @@ def test_percentages_are_those_of_the_motors_levels(percent: int) -> None:
     st.integers(-1, PRESSES - 1),
     st.integers(0, 2),
 )
-def test_maxima_are_of_the_firm_presses_and_no_spike_decides(
-    sizes: list[int], spiked: int, weak: int
-) -> None:
+def test_maxima_are_of_the_firm_presses_and_no_spike_decides(sizes, spiked, weak) -> None:
     meter, t_ns = PressMeter(76_800), 0
     for n, size in enumerate([500] * weak + sizes):
         for k in range(120):
@@ -160,9 +157,7 @@ TEXT = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
 
 
 @given(st.lists(PERCENT, min_size=8, max_size=8), st.lists(PERCENT, min_size=8, max_size=8), TEXT)
-def test_a_vest_record_is_read_as_written_and_makes_a_map(
-    threshold: list[float], step: list[float], note: str
-) -> None:
+def test_a_vest_record_is_read_as_written_and_makes_a_map(threshold, step, note) -> None:
     record = worn(notes=(note,), sites=SITES, threshold_percent=tuple(threshold), step_percent=tuple(step))
     assert again(record) == record
     if max(threshold) < 0:
@@ -175,9 +170,7 @@ def test_a_vest_record_is_read_as_written_and_makes_a_map(
 
 
 @given(st.lists(st.floats(1e-6, 1e6), min_size=3, max_size=3), TEXT, st.none() | st.just(NOW))
-def test_an_emg_record_is_read_as_written(
-    numbers: list[float], text: str, refreshed: datetime | None
-) -> None:
+def test_an_emg_record_is_read_as_written(numbers, text, refreshed) -> None:
     three = tuple(numbers)
     record = muscles(
         settings=text,

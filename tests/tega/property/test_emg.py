@@ -90,9 +90,7 @@ def test_fusion_equals_the_exact_one_in_any_order(levels: list[int], random: Ran
 @given(
     st.sampled_from(RATES_HZ), st.integers(1, 8), st.lists(st.floats(-1, 1), min_size=1, max_size=80), values
 )
-def test_the_filter_follows_its_difference_equation(
-    rate_hz: float, order: int, swing: list[float], offset: float
-) -> None:
+def test_the_filter_follows_its_difference_equation(rate_hz, order, swing, offset) -> None:
     lowpass = ButterworthLowpass(rate_hz, order=order, channels=1)
     samples = offset + np.array(swing)
     exact = filtered([(*row[:3], *row[4:]) for row in lowpass.sos.tolist()], samples.tolist())
@@ -104,9 +102,7 @@ def test_the_filter_follows_its_difference_equation(
 @given(
     chunkings(), st.integers(1, 50), st.sampled_from(["raw", "envelope"]), st.sampled_from(["paper", "live"])
 )
-def test_intent_is_identical_for_every_chunking(
-    cut: tuple[Samples, list[Samples]], tau: int, kind: Any, preset: Any
-) -> None:
+def test_intent_is_identical_for_every_chunking(cut, tau, kind, preset) -> None:
     whole, chunks = cut
     maxima = np.full(whole.shape[1], 0.7)
     one, many = (GraspIntent(200, maxima, tau=tau, kind=kind, preset=preset) for _ in range(2))

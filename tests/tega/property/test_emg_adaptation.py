@@ -169,9 +169,7 @@ def test_a_rest_that_rises_and_an_effort_that_weakens_are_followed(kind: InputKi
 
 @pytest.mark.parametrize(("share", "seen"), [(0.3, 0.25), (0.8, 0.75)])
 @pytest.mark.parametrize("target", [0.25, 0.75])
-def test_a_target_is_believed_where_the_decoder_s_level_is_its_closure(
-    share: float, seen: float, target: float
-) -> None:
+def test_a_target_is_believed_where_the_decoder_s_level_is_its_closure(share, seen, target) -> None:
     efforts = effort([share] * 4, 10.0, kind="raw", seed=3)
     run = Run(lambda _n: Switches(allowed=True, target=target), "raw", STRONG).take(efforts)
     assert bool(run.changes) == (target == seen)

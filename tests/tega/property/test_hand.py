@@ -9,7 +9,6 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
-from numpy.typing import NDArray
 
 from reference import hand as reference
 from tega.hand import (
@@ -51,9 +50,7 @@ def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(requested: list[int
 
 @settings(max_examples=25, deadline=None)
 @given(measured=st.lists(angles, min_size=1, max_size=12), level=st.floats(1, 5), device_id=st.integers(0, 3))
-def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(
-    measured: list[NDArray[np.float64]], level: float, device_id: int
-) -> None:
+def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(measured, level, device_id) -> None:
     whole, parts = HandController(), HandController()
     for true_rad in measured:
         shown_rad = allegro_angles_rad(allegro_angle_counts(true_rad))
@@ -90,9 +87,7 @@ def test_torques_follow_the_stated_law(data: st.DataObject, requested: list[int]
 
 @settings(max_examples=40, deadline=None)
 @given(requested=levels, start=angles)
-def test_targets_stay_inside_and_slow_for_any_start_and_levels(
-    requested: list[int], start: NDArray[np.float64]
-) -> None:
+def test_targets_stay_inside_and_slow_for_any_start_and_levels(requested, start) -> None:
     controller = HandController()
     before = np.clip(start, LOW, HIGH)
     for level in requested:
@@ -108,9 +103,7 @@ def test_targets_stay_inside_and_slow_for_any_start_and_levels(
 
 @settings(deadline=None)
 @given(start=angles, drive=st.lists(torques, min_size=1, max_size=6), constant=st.floats(0.001, 1.0))
-def test_the_model_is_the_stated_difference_equation(
-    start: NDArray[np.float64], drive: list[NDArray[np.float64]], constant: float
-) -> None:
+def test_the_model_is_the_stated_difference_equation(start, drive, constant) -> None:
     model = JointModel(start, full_duty_speed_rad_s=9.5, time_constant_s=constant)
     got = np.array([model.step(t) for t in drive])
     for j in (0, 5, 12, 15):
@@ -125,9 +118,7 @@ def test_the_model_is_the_stated_difference_equation(
 
 @settings(max_examples=8, deadline=None)
 @given(requested=levels, start=angles, added=st.floats(0, 1))
-def test_one_call_a_cycle_is_the_same_as_two(
-    requested: list[int], start: NDArray[np.float64], added: float
-) -> None:
+def test_one_call_a_cycle_is_the_same_as_two(requested, start, added) -> None:
     together = ModelledHand(model=JointModel(start))
     controller, model = HandController(), JointModel(start)
     for level in requested:

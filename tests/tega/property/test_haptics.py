@@ -23,7 +23,6 @@ from tega.haptics import (
     HIGH_SHARE,
     LAYOUTS,
     FeltMap,
-    Layout,
     Mirror,
     MotorLevels,
     contact_type,
@@ -80,9 +79,7 @@ def test_linear_law_is_the_share_held_at_its_ends(value: float, maximum: float) 
 
 
 @given(front=four, back=four, layout=layouts, mirror=mirrors)
-def test_every_motor_shows_its_fingers_value(
-    front: list[float], back: list[float], layout: Layout, mirror: Mirror
-) -> None:
+def test_every_motor_shows_its_fingers_value(front, back, layout, mirror) -> None:
     frame = vest_frame(front, back, layout=layout, mirror=mirror)
     wanted = reference.wearer_grid(front, back, layout, mirror)
     assert dict(zip(frame.motors.tolist(), frame.intensities.tolist(), strict=True)) == wanted
@@ -90,9 +87,7 @@ def test_every_motor_shows_its_fingers_value(
 
 
 @given(front=four, back=four, layout=layouts, mirror=mirrors)
-def test_the_forty_hold_the_layouts_motors_and_nothing_new(
-    front: list[float], back: list[float], layout: Layout, mirror: Mirror
-) -> None:
+def test_the_forty_hold_the_layouts_motors_and_nothing_new(front, back, layout, mirror) -> None:
     frame = vest_frame(front, back, layout=layout, mirror=mirror)
     x40 = frame.x40()
     assert x40.shape == (40,)
@@ -201,9 +196,7 @@ def test_intensity_of_an_array(data: Any, shape: tuple[int, ...], law: Any) -> N
 
 
 @given(data=st.data(), shape=LEADING, layout=layouts, mirror=mirrors)
-def test_vest_intensities_of_several_moments(
-    data: Any, shape: tuple[int, ...], layout: Layout, mirror: Mirror
-) -> None:
+def test_vest_intensities_of_several_moments(data, shape, layout, mirror) -> None:
     front = data.draw(arrays.arrays(np.float64, (*shape, 4), elements=FINITE))
     back = data.draw(arrays.arrays(np.float64, (*shape[-1:], 4), elements=FINITE))
     found = vest_intensities(front, back, layout=layout, mirror=mirror)

@@ -71,9 +71,7 @@ def hold(mapping: Any, share: float, n: int = 1, since_ns: int = 0) -> np.ndarra
 
 @pytest.mark.parametrize("kind", KINDS)
 @given(script=scripts, layout=layouts)
-def test_levels_are_percents_the_same_again_and_silent_without_contact(
-    kind: Any, script: Any, layout: str
-) -> None:
+def test_levels_are_percents_the_same_again_and_silent_without_contact(kind, script, layout) -> None:
     mapping, other = (kind(setup(layout), kind.options_type()) for _ in range(2))
     displayed = np.array(run(mapping, script))
     assert displayed.shape == (len(script), len(SHIPPED[layout].motors))
@@ -103,9 +101,7 @@ def test_neutral_options_are_columns(kind: Any, options: Any, script: Any, layou
 
 
 @given(low=st.floats(0.001, 1), high=st.floats(0.001, 1), seed=st.integers(0, 2**32 - 1))
-def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(
-    low: float, high: float, seed: int
-) -> None:
+def test_equal_shares_are_equal_steps_above_threshold_on_every_motor(low, high, seed) -> None:
     low, high = sorted((low, high))
     rng = np.random.default_rng(seed)
     felt = FeltMap(threshold=rng.integers(5, 61, 40), step=rng.integers(2, 21, 40))
@@ -226,9 +222,7 @@ def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> Non
     columns=st.permutations("abcdefgh").map(lambda order: tuple(map(tuple, (order[k::4] for k in range(4))))),
     layout=layouts,
 )
-def test_the_strongest_finger_of_a_column_is_shown(
-    kind: Any, touched: Any, columns: Any, layout: str
-) -> None:
+def test_the_strongest_finger_of_a_column_is_shown(kind, touched, columns, layout) -> None:
     maxima = dict.fromkeys("abcdefgh", MAXIMA["thumb"])
     made = VestSetup(SHIPPED[layout], tuple(maxima), maxima, None), kind.options_type(fingers=columns)
 

@@ -75,9 +75,7 @@ TICKS = st.lists(
 @example(ticks=[(3.0, 1.0, 1.0, True, True)] * 3, most=1.0, rise=0.1, fall=0.5)
 @example(ticks=[(5.0, 1.0, 1.0, True, True)] * 3, most=1.0, rise=0.1, fall=0.5)
 @given(ticks=TICKS, most=st.floats(0.01, 1), rise=st.floats(0.01, 10), fall=st.floats(0.1, 5))
-def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
-    ticks: list[tuple[float, float, float, bool, bool]], most: float, rise: float, fall: float
-) -> None:
+def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(ticks, most, rise, fall):
     reflex = Asked()
     how = {"most_levels": most, "rise_levels_per_s": rise, "fall_levels_per_s": fall, "authority": 1.0}
     bench, before, dt_s = Bench(reflex, ReflexSection(name="x", **how)), 0.0, TICK_NS / 1e9
@@ -107,9 +105,7 @@ def test_the_addition_is_bounded_slow_and_never_below_the_person_s_own_closure(
 
 
 @given(ticks=TICKS)
-def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
-    ticks: list[tuple[float, float, float, bool, bool]],
-) -> None:
+def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(ticks) -> None:
     reflex = Asked()
     bench = Bench(reflex, ReflexSection(name="x"))
     for own, wish, _, active, touching in ticks:
@@ -121,9 +117,7 @@ def test_no_authority_is_the_person_s_own_closure_bit_for_bit_and_tells_nothing(
 
 
 @given(share=st.floats(0.0, 1.0), authority=st.floats(0.05, 1.0))
-def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends(
-    share: float, authority: float
-) -> None:
+def test_a_slip_firms_the_grip_by_its_share_and_the_addition_decays_when_it_ends(share, authority) -> None:
     bench = grip(authority)
     reported = bench.ticks(400, 3.0, touch("index", incipient=share))
     expected = authority * 0.5 * max(share - 0.4, 0) / 0.6

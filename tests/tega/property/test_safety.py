@@ -47,9 +47,7 @@ MOMENTS = st.lists(
 
 @settings(max_examples=120)
 @given(moments=MOMENTS, settle_ms=st.sampled_from([0, 0, 200]), give_up_ms=st.none() | st.integers(0, 1000))
-def test_no_sequence_of_events_leads_to_active_without_every_condition(
-    moments: list[Any], settle_ms: int, give_up_ms: int | None
-) -> None:
+def test_no_sequence_of_events_leads_to_active_without_every_condition(moments, settle_ms, give_up_ms):
     changes: list[Transition] = []
     give_up_ns = None if give_up_ms is None else give_up_ms * MS
     run = RunStates(settle_ns=settle_ms * MS, give_up_ns=give_up_ns, on_change=changes.append)
@@ -198,9 +196,7 @@ drives = st.lists(st.tuples(st.floats(0, 30), frames, st.sampled_from([1, 1, 40]
     drive=[(1.0, 100, 40), (0.1, 100, 40)], limit=100, heat=0.3, dose_s=20.0
 )  # full drive for 40 s, then often
 @example(drive=[(1.0, 100, 40)], limit=100, heat=0.05, dose_s=20.0)  # heat ends it long before the dose does
-def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(
-    drive: list[Any], limit: int, heat: float, dose_s: float
-) -> None:
+def test_no_input_drives_a_motor_beyond_ceiling_heat_or_dose(drive, limit, heat, dose_s) -> None:
     budget = MotorBudget(limit=limit, heat_share=heat, dose_s=dose_s)
     assert {one.shape for one in (budget.heat, budget.dose_s, budget.carried_s)} == {(40,)}
     t_s = 0.0
@@ -269,9 +265,7 @@ received = st.one_of(
     steady=st.sampled_from([0, 30, 600, 1500]),
     share=st.sampled_from([0.02, 0.2, 1.0]),
 )
-def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(
-    steps: list[Any], steady: int, share: float
-) -> None:
+def test_no_frames_of_a_hand_lead_to_a_torque_beyond_its_limits(steps, steady, share) -> None:
     link = HandLink(HandController(torque_limits=TORQUE_LIMITS * share))
     limits = np.round(np.minimum(TORQUE_LIMITS * share, 1.0) * 1200) + 1
     t_ns, pushed = 0, False

@@ -109,9 +109,7 @@ def found(driver: str) -> st.SearchStrategy[Any]:
     st.lists(found("cyton"), max_size=2),
     st.lists(found("lsl-emg"), max_size=2),
 )
-def test_settings_are_toml_that_holds_the_options(
-    digits: list[Found], boards: list[Found], streams: list[Found]
-) -> None:
+def test_settings_are_toml_that_holds_the_options(digits, boards, streams) -> None:
     looked = {
         "digit": DriverProbe("tactile", digits),
         "cyton": DriverProbe("emg", boards),

@@ -83,9 +83,7 @@ def test_angles_come_back(counts: list[int]) -> None:
 
 
 @given(st.integers(0, 0x900), st.binary(max_size=10), st.booleans(), st.booleans(), st.integers(0, 3))
-def test_any_can_frame_is_a_message_or_a_reason(
-    can_id: int, data: bytes, remote: bool, extended: bool, device: int
-) -> None:
+def test_any_can_frame_is_a_message_or_a_reason(can_id, data, remote, extended, device) -> None:
     frame = wire.CanFrame(can_id, data, remote)
     message = wire.allegro_decode(frame, device_id=device, extended=extended)
     if remote or extended or can_id > 0x7FF or can_id & 3 != device:

@@ -80,9 +80,7 @@ def test_it_rests_when_the_run_is_done(robot: Emulator) -> None:
 @pytest.mark.parametrize(
     ("fault", "named"), [("reflex", "cartesian_reflex"), ("late", "communication_constraints_violation")]
 )
-def test_a_reflex_ends_the_motion_until_a_person_recovers_and_takes_hold_anew(
-    led: Led, robot: Emulator, fault: str, named: str
-) -> None:
+def test_a_reflex_ends_the_motion_until_a_person_recovers_and_takes_hold_anew(led, robot, fault, named):
     led.hold()
     robot.say(fault)
     led.until(lambda: named in led.arm.problem)

@@ -67,9 +67,7 @@ def _seconds_to_half_a_level(
     return n * TICK_S
 
 
-def test_half_a_level_of_an_addition_is_in_the_targets_within_120_ms_where_a_move_takes_half_a_second() -> (
-    None
-):
+def test_half_a_level_of_an_addition_is_in_the_targets_within_120_ms_where_a_move_takes_half_a_second():
     for rise, seconds in ((10.0, 0.081), (5.0, 0.111)):
         assert _seconds_to_half_a_level(rise, lambda added: (3.0, added)) == pytest.approx(seconds)
         move_s = _seconds_to_half_a_level(rise, lambda added: (3.0 + added, 0.0))
@@ -179,9 +177,7 @@ def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
         ),
     ],
 )
-def test_arrays_of_the_wrong_kind_are_refused(
-    angles: Any, more: dict[str, Any], error: type[Exception], says: str
-) -> None:
+def test_arrays_of_the_wrong_kind_are_refused(angles, more, error, says) -> None:
     with pytest.raises(error, match=says):
         HandController().step(angles, 1, **more)
     assert len(angles) != 15 or not more["out"].any()

@@ -70,9 +70,7 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
 
 
 @pytest.mark.parametrize("all_of_them", [True, False])
-def test_signals_to_every_process_let_go_and_those_to_the_hand_s_own_change_nothing(
-    *, all_of_them: bool
-) -> None:
+def test_signals_to_every_process_let_go_and_those_to_the_hand_s_own_change_nothing(*, all_of_them) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         own = [*begun_by(running.pid, "tega.devices.hand.hand_program"), *hand_guards(running.pid)]
         assert len(own) == 2
@@ -104,9 +102,7 @@ def test_files_in_the_working_folder_do_not_take_the_guard_s_place(tmp_path: Pat
     assert not (tmp_path / "was_run").exists()
 
 
-def test_a_program_that_is_started_finds_nothing_in_the_working_folder(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_program_that_is_started_finds_nothing_in_the_working_folder(tmp_path, monkeypatch) -> None:
     (tmp_path / "can.py").write_text("raise SystemExit('the wrong one')\n")
     monkeypatch.chdir(tmp_path)
     kept = str(tmp_path / "elsewhere")
@@ -180,9 +176,7 @@ def test_a_deaf_hand_is_not_left_alone(capfd: pytest.CaptureFixture[str]) -> Non
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_run_that_has_lost_hand_process_and_guard_lets_go_of_the_hand(
-    how: signal.Signals, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_a_run_that_has_lost_hand_process_and_guard_lets_go_of_the_hand(how, capfd) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         steers, guards = begun_by(running.pid, "tega.devices.hand.hand_program"), hand_guards(running.pid)
         for pid in (*guards, *steers):

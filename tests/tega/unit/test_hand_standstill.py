@@ -191,9 +191,7 @@ def one(folder: Path, subject: str) -> Callable[[], bool]:
     return lambda: len(list(folder.glob(f"{subject}-*"))) == 1
 
 
-def test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of(
-    lost: GuardProcess, tmp_path: Path
-) -> None:
+def test_a_device_that_is_left_while_its_guard_is_replaced_is_let_go_of(lost, tmp_path) -> None:
     (tmp_path / "go on").touch()
     lost.leave_to_it()
     until(one(tmp_path, "let-go"))
@@ -226,9 +224,7 @@ def test_a_device_that_is_left_to_its_guard_is_let_go_of_once(guard: GuardProces
     assert len(list(tmp_path.glob("begun-*"))) == 1
 
 
-def test_a_guard_that_is_dismissed_while_it_is_replaced_leaves_no_process(
-    lost: GuardProcess, tmp_path: Path
-) -> None:
+def test_a_guard_that_is_dismissed_while_it_is_replaced_leaves_no_process(lost, tmp_path) -> None:
     (tmp_path / "go on").touch()
     lost.dismiss()
     until(one(tmp_path, "ended"))

@@ -231,9 +231,7 @@ PEDALS = [
 
 
 @pytest.mark.parametrize(("device", "numbers", "options", "button"), PEDALS)
-def test_a_step_is_one_press_and_letting_go_releases(
-    device: str, numbers: tuple[int, int], options: dict[str, Any], button: str
-) -> None:
+def test_a_step_is_one_press_and_letting_go_releases(device, numbers, options, button) -> None:
     with emulated(device, numbers) as peer, pedal(**options) as foot:
         assert foot.state().held == frozenset()
         peer.say("chatter 0 4")
@@ -307,9 +305,7 @@ steps = st.lists(st.tuples(st.integers(0, 60), st.booleans()), max_size=60)
 
 
 @given(steps, st.integers(0, 40))
-def test_a_release_counts_at_once_and_presses_only_when_they_hold(
-    steps: list[tuple[int, bool]], hold: int
-) -> None:
+def test_a_release_counts_at_once_and_presses_only_when_they_hold(steps, hold) -> None:
     debounce, t, since, edges = Debounce(hold), 0, None, []
     for wait, down in steps:
         t += wait

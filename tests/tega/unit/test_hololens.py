@@ -6,7 +6,7 @@ import math
 import socket
 import struct
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, get_type_hints
 
 import numpy as np
@@ -141,9 +141,7 @@ def test_what_was_held_up_by_the_network_is_as_old_as_it_is(headset: Emulator) -
         ("hide", "show", lambda lens: "cannot be reached" in lens.problem, ""),
     ],
 )
-def test_a_connection_that_fails_is_made_anew(
-    headset: Emulator, fault: str, end: str, noticed: Callable[[HoloLens], bool], problem: str
-) -> None:
+def test_a_connection_that_fails_is_made_anew(headset, fault, end, noticed, problem) -> None:
     with opened(headset, silent_s=0.3) as lens:
         some(lens)
         headset.say(fault)
@@ -191,9 +189,7 @@ def test_another_server_is_no_headset() -> None:
         st.tuples(st.integers(0, 10**8), st.integers(0, 3 * 10**9), st.booleans()), min_size=1, max_size=60
     )
 )
-def test_a_device_s_time_never_goes_back_and_is_never_after_it_came(
-    packets: list[tuple[int, int, bool]],
-) -> None:
+def test_a_device_s_time_never_goes_back_and_is_never_after_it_came(packets) -> None:
     clock, device_ns, arrival_ns, last_ns = DeviceClock(), 0, 0, 0
     for way_ns, late_ns, restarts in packets:
         device_ns = 0 if restarts else device_ns + way_ns

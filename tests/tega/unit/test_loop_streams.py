@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import closing
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
@@ -173,9 +172,7 @@ class Frames:
     def open(self) -> None: ...
 
 
-def test_a_baseline_is_of_frames_at_even_distances_and_compared_with_five_at_most_30_apart(
-    tmp_path: Path,
-) -> None:
+def test_a_baseline_is_of_frames_at_even_distances_and_compared_with_five_at_most_30_apart(tmp_path) -> None:
     for n, used in ((60, 60), (96, 96), (97, 49), (960, 96)):
         estimated: Any = Frames(n)
         assert f" {used} frames" in find_baseline(estimated, None, finger="thumb")[1]

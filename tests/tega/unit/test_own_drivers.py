@@ -160,9 +160,7 @@ def test_a_hand_that_says_nothing_of_itself_is_run_all_the_same(tmp_path: Path) 
 
 
 @pytest.mark.usefixtures("installed")
-def test_a_hand_that_is_found_takes_part_in_a_check_that_does_not_open_it(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_hand_that_is_found_takes_part_in_a_check_that_does_not_open_it(monkeypatch) -> None:
     monkeypatch.setattr(PlainHand, "may_open", False)
     (finding,) = [f for f in probe_all().findings if f.driver == "plain-hand"]
     assert finding.check == "allegro"

@@ -60,9 +60,7 @@ def logging_to(path: Path, channel: str) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("suffix", [".asc", ".blf"])
-def test_its_logger_hears_a_grasp_and_its_player_plays_it_to_another_hand(
-    channel: str, suffix: str, tmp_path: Path
-) -> None:
+def test_its_logger_hears_a_grasp_and_its_player_plays_it_to_another_hand(channel, suffix, tmp_path) -> None:
     path = tmp_path / f"grasp{suffix}"
     with hand_on(channel) as hand, logging_to(path, channel):
         with driver(hand, lowest_rate_hz=10.0) as steered:

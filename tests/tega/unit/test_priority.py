@@ -76,9 +76,7 @@ def test_a_run_without_real_time_asks_for_nothing(monkeypatch: pytest.MonkeyPatc
 
 
 @linux
-def test_threads_that_were_there_and_that_begin_are_brought_along_and_let_go(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_threads_that_were_there_and_that_begin_are_brought_along_and_let_go(monkeypatch) -> None:
     monkeypatch.setattr(priority, "_SWEEP_S", 0.02)
     over = threading.Event()
     with run_realtime("beside") as granted:

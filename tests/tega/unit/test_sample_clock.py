@@ -67,9 +67,7 @@ def test_a_rate_is_proven_in_a_third_of_a_second_of_an_adapter_s_bunches(rate_hz
     late_ms=st.lists(st.floats(0.0, 16.0), min_size=2, max_size=12),
     batch=st.integers(1, 8),
 )
-def test_another_rate_is_never_proven_however_its_samples_are_late(
-    share: float, faster: bool, late_ms: list[float], batch: int
-) -> None:
+def test_another_rate_is_never_proven_however_its_samples_are_late(share, faster, late_ms, batch) -> None:
     true_hz = 1000.0 * (1 + share if faster else 1 - share)
     clock, before_ns = SampleClock(1000.0), 0
     n_batches = int(1.0 * true_hz / batch)

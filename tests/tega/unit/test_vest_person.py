@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from contextlib import AbstractContextManager, nullcontext
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -70,9 +69,7 @@ def test_what_nobody_can_feel_is_refused(how: dict[str, Any], error: type[Except
         FeltMap(**how)
 
 
-def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(tmp_path, capsys) -> None:
     out = tmp_path / "v.csv"
     words = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out}", "--seconds", "0.2"]
     text, _ = call(capsys, "vest", "identify", *words, "--motor", 3, "--motor", 36)
@@ -95,9 +92,7 @@ def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(
     ("first", "second", "refused"),
     [(0, 0, True), (0, 1, False), (0, 2, True), (2, 0, True), (2, 2, True), (1, 0, False)],
 )
-def test_a_wearer_is_one_program_s(
-    first: int, second: int, refused: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_wearer_is_one_program_s(first, second, refused, tmp_path, monkeypatch) -> None:
     """Persons p01 and p02, and one without a name, who may be either."""
     assert isinstance(KeptVest(VestOptions()), BudgetedVest)
     monkeypatch.setattr("tega.loop.worn_vest.driver_class", lambda *_: lambda _o: KeptVest(VestOptions()))
@@ -120,9 +115,7 @@ def test_a_wearer_is_one_program_s(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("verb", [("vest", "identify"), ("run",)])
-def test_a_vest_that_is_worn_in_a_run_is_refused_to_other_programs(
-    verb: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_vest_that_is_worn_in_a_run_is_refused_to_other_programs(verb, tmp_path) -> None:
     with emulated_lab(tmp_path, vest=True, fingers=("thumb",)) as lab:
         config = tmp_path / "lab.toml"
         config.write_text(tree_text(lab.tree), encoding="utf-8")
