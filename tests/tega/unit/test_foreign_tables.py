@@ -38,8 +38,6 @@ Write = Callable[..., Path]
 
 @pytest.fixture
 def write(tmp_path: Path) -> Write:
-    """Return a function that writes rows of cells as text."""
-
     def written(
         rows: Sequence[Sequence[Any]], head: str = "", *, sep: str = ",", comma: bool = False, **how: Any
     ) -> Path:
@@ -285,7 +283,6 @@ def test_a_jump_of_hours_is_refused(write: Write) -> None:
 
 
 def levels(emg: dict[str, Any], tmp_path: Path) -> tuple[list[Intent], list[HeardMarker], dict[str, Any]]:
-    """Return the levels, markers and summary of a run."""
     bus, intents, markers = Bus(), list[Intent](), list[HeardMarker]()
     bus.subscribe(Intent, intents.append)
     bus.subscribe(HeardMarker, markers.append)

@@ -75,7 +75,6 @@ HINT = "install it with: pip install 'tega[sim,view]'"
 
 
 def installed(folder: Path, url: str | None) -> PathDistribution:
-    """Write what pip writes of an installed package."""
     place = folder / "tega-0.1.0.dist-info"
     place.mkdir(exist_ok=True)
     if url is not None:

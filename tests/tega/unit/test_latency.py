@@ -100,6 +100,20 @@ def test_a_vest_frame_knows_its_camera_frames() -> None:
     assert found["wait"]["n"] == 2
 
 
+def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
+    made = Made()
+    for finger, at_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
+        made.item(finger, at_ms, at_ms, at_ms)
+        made.vest(at_ms)
+    # All wait in the driver, each in the place of the one before; the last leaves at 20 ms.
+    made.link.handed = [(5 * MS, 1020 * MS, 1021 * MS)]
+    made.vest(33, changed=False)
+    stages = {route.source: route.stages_ns() for route in made.reported}
+    held = {finger: (ns["held"] // MS, ns["in-hand"] // MS) for finger, ns in stages.items()}
+    assert held == {"thumb": (19, 20), "ring": (16, 17), "index": (15, 16)}
+    assert made.trace.n_replaced == 1  # the ring's first
+
+
 def test_what_the_vest_shows_already_does_not_count() -> None:
     made = Made()
     made.item("thumb", 0, 1, 2)

@@ -40,7 +40,6 @@ from tega.stages.metrics import LiveMetric
 
 @pytest.fixture
 def n_measured(monkeypatch: pytest.MonkeyPatch) -> Callable[[], int]:
-    """Count how often a picture is really measured."""
     measured, update = list[int](), LiveMetric.update
 
     def counting(metric: LiveMetric, frame: Any, t_ns: int) -> Any:

@@ -16,21 +16,20 @@ import pytest
 from reference.processes import until
 from reference.scripted import MS, Sink, touching
 from reference.sessions import read_recorded
-from reference.vest_bench import HandedOver, KeptVest
+from reference.vest_bench import KeptVest
 from reference.wired import FULL, wired_loop
 from tega.config import VestConfig, check_tree
 from tega.devices.vest.vest_stream import VestOptions
 from tega.haptics import MotorLevels, vest_frame
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.stream import LiveStream, PulledStream
-from tega.loop.latency import LatencyTrace
 from tega.loop.outputs import VestOutput
 from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.touch import TouchLoop
 from tega.loop.worn_vest import worn_vest
 from tega.recording.replay import replay_file
-from tega.records import Contact, Intent, Latency, VestFrame
+from tega.records import Contact, Intent, VestFrame
 from tega.records.bus import Bus
 from tega.runtime.clock import SystemClock
 from tega.runtime.threads import Bell
@@ -218,25 +217,6 @@ def test_a_link_gets_the_newest_frame_at_its_greatest_rate() -> None:
     assert held
     assert all(free_ns <= at_ns for free_ns, at_ns in held)
     assert vest.counters.superseded > n
-
-
-def test_the_wait_for_the_greatest_rate_is_counted_from_when_each_picture_was_offered() -> None:
-    now, link, bus, reported = [0], HandedOver(), Bus(), list[Latency]()
-    bus.subscribe(Latency, reported.append)
-    trace = LatencyTrace(now_ns=lambda: now[0], start_ns=0, budget_ms=5.0, vests=[link], bus=bus)
-    for finger, measured_ms in (("ring", 0), ("thumb", 1), ("ring", 4), ("index", 5)):
-        source = trace.source(finger)
-        now[0] = measured_ms * MS
-        source(measured_ms * MS, measured_ms * MS)
-        trace.taken(finger, measured_ms * MS)
-        trace.vest(measured_ms * MS, measured_ms * MS, measured_ms * MS, changed=True)
-    # All wait in the driver, each in the place of the one before; the last leaves at 20 ms.
-    link.handed = [(5 * MS, 20 * MS, 21 * MS)]
-    trace.vest(33 * MS, 33 * MS, 33 * MS, changed=False)
-    stages = {route.source: route.stages_ns() for route in reported}
-    held = {finger: (ns["held"] // MS, ns["in-hand"] // MS) for finger, ns in stages.items()}
-    assert held == {"thumb": (19, 20), "ring": (16, 17), "index": (15, 16)}
-    assert trace.n_replaced == 1  # the ring's first
 
 
 def test_a_frame_for_the_player_leaves_in_the_call_that_hands_it_over_unless_the_link_is_in_use() -> None:
