@@ -1,4 +1,4 @@
-"""The audit of readings: marks, forces, sweeps and sessions, with the stages that a run uses."""
+"""The audit of readings, muscles and sessions: marks, forces, sweeps, with the stages that a run uses."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 
 from reference.audit import refused, reported
 from reference.command import call
+from reference.sessions import synthetic
+from tega.config import load_config
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError
+from tega.records import Intent
 from tega_figures.audit import (
     READINGS,
     AuditRequest,
@@ -34,14 +37,12 @@ FRAMES = [GEL.frame([ball(force_n=n, centre_xy=(120.0, 150.0))], k) for k, n in 
 
 @pytest.fixture
 def still(tmp_path: Path) -> Path:
-    """Return a picture of the untouched gel."""
     cv2.imwrite(str(tmp_path / "still.png"), BASELINE)
     return tmp_path / "still.png"
 
 
 @pytest.fixture
 def presses(still: Path) -> Path:
-    """Return a folder of three presses."""
     folder = still.with_name("presses")
     folder.mkdir()
     for number, frame in enumerate(FRAMES):
@@ -71,9 +72,7 @@ def test_every_reading_measures_every_picture(presses: Path, still: Path, capsys
     assert live["cci"] == [contact.cci for contact in want]
 
 
-def test_a_sequence_goes_through_the_tracker_in_order_unless_its_pictures_are_separate(
-    tmp_path: Path,
-) -> None:
+def test_a_sequence_is_tracked_in_order_unless_its_pictures_are_separate(tmp_path: Path) -> None:
     folder = tmp_path / "lift"
     folder.mkdir()
     gel = Gel(seed=6, memory=True)
@@ -154,9 +153,7 @@ def test_forces_are_of_pictures_or_over_time(tmp_path: Path) -> None:
     assert [forces.of_picture("", k, 0) for k in range(3)] == [0.0, 0.0, 0.4]
 
 
-def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(
-    tmp_path: Path, still: Path, capsys: Any
-) -> None:
+def test_own_masks_and_forces_are_held_against_the_readings(tmp_path: Path, still: Path, capsys: Any) -> None:
     pictures, masks = tmp_path / "pictures", tmp_path / "masks"
     pictures.mkdir()
     masks.mkdir()
@@ -188,9 +185,7 @@ def test_a_lab_s_own_masks_and_forces_are_held_against_the_readings(
         assert text in refused(*words, capsys=capsys)
 
 
-def test_pictures_and_masks_may_lie_in_one_folder_and_what_has_no_mask_is_told(
-    tmp_path: Path, still: Path, capsys: Any
-) -> None:
+def test_pictures_and_some_masks_may_share_a_folder(tmp_path: Path, still: Path, capsys: Any) -> None:
     both = tmp_path / "grasps"
     both.mkdir()
     for number, frame in enumerate(FRAMES):
@@ -264,3 +259,95 @@ def test_loose_pictures_can_be_shown_on_a_vest(presses: Path, still: Path, capsy
     assert score["lit_share"] > 0
     assert score["maxima_of"] == "recording"
     assert "reading 'prnt' is not known" in refused(presses, "--reading", "prnt", capsys=capsys)
+
+
+@pytest.fixture
+def squeeze(tmp_path: Path) -> Path:
+    effort = np.tile(np.repeat([0.05, 0.3, 0.95, 0.55], 250), 4)
+    noise = np.random.default_rng(3).standard_normal((len(effort), 3))
+    file = tmp_path / "squeeze.npy"
+    np.save(file, noise * effort[:, None] * 100)
+    rows = [f"{k / 250},{10 * effort[k]}" for k in range(0, len(effort), 10)]
+    (tmp_path / "forces.csv").write_text("\n".join(["t_s,force_n", *rows]))
+    return file
+
+
+def test_the_rules_of_the_decoder_are_compared(squeeze: Path, capsys: Any) -> None:
+    how = ("--emg-rate-hz", 250, "--emg-kind", "raw", "--forces", squeeze.parent / "forces.csv")
+    drawn = squeeze.parent / "emg.png"
+    (report,) = reported(squeeze, *how, "--picture", drawn, capsys=capsys)
+    scores = {score["reading"]: score for score in report["emg"]}
+    assert list(scores) == list(READINGS["emg"])
+    assert scores["print, τ 50 ms"]["n_blocks"] == pytest.approx(2 * scores["print"]["n_blocks"], rel=0.05)
+    assert scores["live"]["changes_per_s"] < scores["print"]["changes_per_s"]
+    assert all(score["force_rank"] > 0.5 for score in scores.values())
+    assert sum(scores["print"]["level_shares"]) == pytest.approx(1)
+    assert scores["print"]["agreement"] == 1.0
+    assert scores["print, 5 Hz"]["later_s"] > 0.02
+    assert drawn.stat().st_size > 10_000
+    assert "--emg-rate-hz" in refused(squeeze, capsys=capsys)
+    assert "holds nothing to audit touch on" in refused(squeeze, *how, "--of", "touch", capsys=capsys)
+
+
+def test_an_option_of_the_decoder_is_swept(squeeze: Path, capsys: Any) -> None:
+    how = ("--emg-rate-hz", 250, "--emg-kind", "raw", "--forces", squeeze.parent / "forces.csv")
+    sweep = ("--sweep", "stages.decoder.options.cutoff_hz=2:32:10", "--picture", squeeze.parent / "sweep.png")
+    scores = reported(squeeze, *how, *sweep, capsys=capsys)[0]["emg"]
+    assert [score["value"] for score in scores] == [2.0, 12.0, 22.0, 32.0]
+    assert scores[0]["changes_per_s"] < scores[-1]["changes_per_s"]
+    assert all(score["force_rank"] is not None for score in scores)
+
+
+@pytest.fixture(scope="module")
+def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    from tega.loop import run_session
+
+    folder = tmp_path_factory.mktemp("session")
+    (folder / "lab.toml").write_text(synthetic(3.0, "index", "thumb"))
+    run_session(load_config(folder / "lab.toml", environ={}).config)
+    return folder / "recorded"
+
+
+@pytest.mark.slow
+def test_a_session_is_audited_with_the_numbers_of_its_run(session: Path) -> None:
+    from reference.sessions import read_recorded
+
+    (file,) = session.glob("*.mcap")
+    recorded = read_recorded(file)
+    for path in (session, file):
+        (found,) = audit_recording(path, AuditRequest(names=("print", "live", "paper (D3)")))
+        report = found.report
+        assert report.recording == file.name
+        assert {score.finger for score in report.touch} == {"thumb", "index"}
+        for finger, contacts in recorded.contacts.items():
+            live = next(s for s in report.touch if (s.finger, s.reading) == (finger, "live"))
+            assert live.eda[: len(contacts)] == [contact.eda for contact in contacts]
+        assert [score.reading for score in report.emg] == ["print", "live"]
+        live_levels = report.emg[1].levels
+        levels = [intent.level for intent in recorded.of(Intent)]
+        assert live_levels[: len(levels)] == levels
+        assert report.emg[1].maxima_of == "calibration"
+        assert [score.reading for score in report.vest] == ["print"]
+        assert report.vest[0].maxima_of == "calibration"
+
+
+@pytest.mark.slow
+def test_the_vest_of_a_session_is_compared_and_swept(session: Path, tmp_path: Path, capsys: Any) -> None:
+    (report,) = reported(session, "--of", "vest", "--picture", tmp_path / "vest.png", capsys=capsys)
+    scores = {score["reading"]: score for score in report["vest"]}
+    assert list(scores) == list(READINGS["vest"])
+    assert scores["print"]["lit_share"] > 0.2
+    assert scores["linear"]["total"] != scores["print"]["total"]
+    assert scores["faces exchanged"]["front_mean"] == pytest.approx(scores["print"]["back_mean"], rel=0.2)
+    assert (tmp_path / "vest.png").stat().st_size > 10_000
+    sweep = ("--sweep", "stages.mapping.options.first_steps=0,1,3", "--picture", tmp_path / "s.png")
+    swept = reported(session, *sweep, capsys=capsys)[0]["vest"]
+    assert [score["value"] for score in swept] == [0, 1, 3]
+    sums = [sum(score["total"]) for score in swept]
+    assert sums[0] < sums[1] < sums[2]
+    # What another metric measures reaches the vest as well.
+    words = (session, "--of", "vest", "--sweep", "stages.metric.name=paper,live")
+    paper, live = reported(*words, capsys=capsys)[0]["vest"]
+    assert (paper["maxima_of"], live["maxima_of"]) == ("recording", "calibration")
+    assert paper["total"] != live["total"]

@@ -80,9 +80,7 @@ def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
     assert (out / "1-bag" / "vest.csv").is_file()
 
 
-def test_the_demo_prints_one_page_and_no_keyboard_in_a_hurry(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_demo_prints_a_page_without_keyboard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     events = (TrialEvent("slip", 4.0, 0.012), TrialEvent("drop", 4.5))
     dropped = trial_result(success=False, drops=1, lifted_s=None, events=events)
     report = DemoReport(simulated_s=30.0, wall_s=3.0, real_time_factor=10.0, trials=[dropped])

@@ -19,7 +19,6 @@ FIRM = TouchFrame(True, 3000, 60_000.0, 30.0, 120.0, 100.0)
 def play(
     detector: Detector, touches: list[TouchFrame], *, finger: str = "index", begin_s: float = 0.0
 ) -> list[DetectedEvent]:
-    """Give a finger's frames, sixty a second."""
     found = []
     for n, touch in enumerate(touches):
         found += detector.touch(begin_s + n / HZ, finger, touch)

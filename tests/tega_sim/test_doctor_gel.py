@@ -30,16 +30,13 @@ def pictures(gel: Gel, *, first: int = 0, noisier: float = 1.0, indenters: Any =
 
 
 def case(path: Path, baseline: Any) -> DriverCase:
-    """Return a sensor whose baseline is a picture."""
     file = path / "thumb.npy"
     np.save(file, np.rint(np.mean(baseline, axis=0)).astype(np.uint8))
     return DriverCase("tactile.thumb", "tactile", "digit", None, file)
 
 
 @pytest.mark.parametrize("noisier", [1.0, 2.5])
-def test_an_untouched_gel_like_its_baseline_is_fine_whatever_its_noise(
-    tmp_path: Path, noisier: float
-) -> None:
+def test_a_gel_like_its_baseline_is_fine_whatever_its_noise(tmp_path: Path, noisier: float) -> None:
     for seed in range(2):
         gel = Gel(seed)
         before = pictures(gel, noisier=noisier)
@@ -122,7 +119,6 @@ def banded(gel: Gel, share: float, hz: float, pictures_hz: float, n: int = 90) -
 
 
 def banding(reported: DriverCase, sent: list[Any]) -> Any:
-    """Return the one thing that is said of bands, or None."""
     found = [one for one in check_gel(reported, "D1", sent) if "bands of" in one.finding]
     assert len(found) <= 1
     assert all(one.status == "warning" for one in found)
@@ -149,9 +145,7 @@ def test_bands_of_mains_light_are_measured_with_and_without_a_baseline(tmp_path:
         ),
     ],
 )
-def test_bands_that_hardly_move_are_measured_against_the_baseline_or_by_what_they_move(
-    tmp_path: Path, hz: float, pictures_hz: float
-) -> None:
+def test_bands_that_hardly_move_are_measured(tmp_path: Path, hz: float, pictures_hz: float) -> None:
     gel = Gel(6)
     sent = banded(gel, 0.02, hz, pictures_hz)
     turned = [np.swapaxes(picture, 0, 1) for picture in sent]

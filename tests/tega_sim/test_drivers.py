@@ -75,7 +75,6 @@ Recorded = tuple[Any, Any]
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Recorded:
-    """Return the driver that plays EMG from a file, and options for a file that is there."""
     np.save(tmp_path / "emg.npy", np.arange(250.0).reshape(-1, 2))
     parent: Any = driver_class("emg-file")
     return parent, parent.options_type(file=tmp_path / "emg.npy", rate_hz=200.0)
@@ -107,9 +106,7 @@ def test_the_contract_notices_a_source_that_does_not_start_again(recorded: Recor
         ({"label": "one", "hint": "do"}, "a hint is for a problem"),
     ],
 )
-def test_the_contract_looks_at_what_a_driver_finds(
-    found: dict[str, Any], rule: str, recorded: Recorded
-) -> None:
+def test_the_contract_checks_what_drivers_find(found: dict[str, Any], rule: str, recorded: Recorded) -> None:
     parent, options = recorded
 
     class Finder(parent):  # type: ignore[valid-type, misc]

@@ -83,7 +83,6 @@ _PLAN: dict[str, Any] = {
 
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
-    """A simulated person's lift with each rule: result and recording."""
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega_sim.streams import LiftRecorder
@@ -105,9 +104,7 @@ def _slips_s(file: Path) -> list[float]:
     return [event.taken_ns / 1e9 for event in events if event.kind == "slip"]
 
 
-def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_does_not(
-    lift: dict[str, tuple[Any, Path]],
-) -> None:
+def test_joints_and_height_tell_a_slide_where_touch_does_not(lift: dict[str, tuple[Any, Path]]) -> None:
     result, file = lift["hand"]
     slid_s = [event.t_s for event in result.events if event.kind == "slip"]
     reported_s = _slips_s(file)
@@ -119,9 +116,7 @@ def test_a_simulated_object_slides_and_joints_and_height_tell_it_where_touch_doe
     assert _slips_s(file) == []
 
 
-def test_a_recording_replays_by_the_rule_that_it_was_made_with(
-    lift: dict[str, tuple[Any, Path]], tmp_path: Path
-) -> None:
+def test_a_recording_replays_by_its_own_rule(lift: dict[str, tuple[Any, Path]], tmp_path: Path) -> None:
     for rule, (_, file) in lift.items():
         replay = replay_file(file)
         assert replay.same, (rule, [stream for stream in replay.streams if stream.differ])
@@ -136,9 +131,7 @@ def test_a_recording_replays_by_the_rule_that_it_was_made_with(
     assert _slips_s(part) == [t_s for t_s in _slips_s(lift["hand"][1]) if t_s >= 4.0] != []
 
 
-def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
-    lift: dict[str, tuple[Any, Path]], tmp_path: Path
-) -> None:
+def test_a_played_recording_tells_the_same_slips(lift: dict[str, tuple[Any, Path]], tmp_path: Path) -> None:
     config = check_tree({"session": {"out_dir": str(tmp_path / "out")}}, {}, base=tmp_path).config
     bus, events = Bus(), list[Event]()
     bus.subscribe(Event, events.append, vital=True)
@@ -151,9 +144,7 @@ def test_a_recording_that_is_played_tells_the_same_slips_and_pulses(
     assert now == then
 
 
-def test_simulated_trials_tell_slips_by_touch_unless_they_are_told_otherwise(
-    lift: dict[str, tuple[Any, Path]],
-) -> None:
+def test_simulated_trials_tell_slips_by_touch_by_default(lift: dict[str, tuple[Any, Path]]) -> None:
     from tega_sim.trial import TrialPlan, run_trial
 
     touch = lift["touch"][0]

@@ -44,7 +44,6 @@ LONG_S = 60.0
 
 
 def touch(mass: float, y: float = 100.0, t_ns: int = 0) -> Contact:
-    """Return a contact of so much pressure in all, or none."""
     on = mass > 0
     return Contact(
         finger="index",
@@ -62,7 +61,6 @@ def touch(mass: float, y: float = 100.0, t_ns: int = 0) -> Contact:
 
 
 def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: Any) -> TouchLoop:
-    """Return a back loop whose mapping is the pulses."""
     options = PulsesOptions(**pulses)
     mapping = partial(PulsesMapping, options=options)
     return TouchLoop({"index": maxima}, layout="x40", felt=felt, mapping=mapping)
@@ -191,7 +189,6 @@ def test_a_run_pulses_an_emulated_vest_at_its_events_and_is_computed_again(tmp_p
         sensor.say("press 0")
 
         def pulses() -> list[tuple[int, int]]:
-            """What the vest's motors went through: strongest of front and back, each time it changed."""
             faces = [np.reshape(motors, (2, 20)).max(axis=1) for _, motors in seen_by(lab.vest).history]
             seen = [(int(front), int(back)) for front, back in faces]
             return [now for n, now in enumerate(seen) if n == 0 or seen[n - 1] != now]

@@ -61,13 +61,10 @@ def judged_closure(decoder: LearnedDecoder, log: Log) -> DecoderFigures:
 
 
 class Bench(NamedTuple):
-    """An emulated board, and a folder in which somebody is calibrated on it."""
-
     board: Emulator
     file: Path
 
     def knows(self, full: Samples, rest: Samples) -> EmgRecord:
-        """Keep a calibration, as the wizard would."""
         config = load_config(self.file, environ={}).config
         assert config.emg is not None
         with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
@@ -123,9 +120,7 @@ def mean_values(samples: Samples, tau: int) -> Samples:
     return found
 
 
-def recalibrated(
-    folder: Path, rate_hz: int, first: Ten, today: Ten
-) -> tuple[LearnedDecoder, EmgRecord, Path]:
+def refitted(folder: Path, rate_hz: int, first: Ten, today: Ten) -> tuple[LearnedDecoder, EmgRecord, Path]:
     """Recalibrate the model p01.json by today's rest and effort; return it, the record before, the new one's file."""
     with Emulator("ascii_board", "--signal", "emg", "--rate", str(rate_hz)) as board:
         at = bench(board, folder, rate_hz)
@@ -151,7 +146,7 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
     old = fit(learn.samples, learn.target, rate_hz=200, tau=20, channels=CHANNELS, person="p01")
     old.save(tmp_path / "p01.json")
     today = ten_seconds(learn, shifted_electrode(learn, seed=seed, places=places).samples)
-    new, _, _ = recalibrated(tmp_path, 200, ten_seconds(learn, learn.samples), today)
+    new, _, _ = refitted(tmp_path, 200, ten_seconds(learn, learn.samples), today)
     later = shifted_electrode(judged, seed=seed, places=places)
     before, after = (judged_closure(one, later).rank_correlation for one in (old, new))
     assert before < lost
@@ -169,7 +164,6 @@ def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_pa
     target = np.repeat(course, 5)[::2]
 
     def played(label: str, effects: tuple[str, ...]) -> Samples:
-        """Return rest, a strong fist, and the course; in counts."""
         forearm = ForearmEmg(person, seed=seed, label=label, rate_hz=rate_hz, effects=effects)
         strong = person.motor.calibration_effort
         whole = [np.zeros(600), np.full(600, strong), np.zeros(300), known.full_effort * course]
@@ -182,7 +176,7 @@ def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_pa
     moved = played("moved", ("shift",))
     later = Log("moved", moved[3750:], target, rate_hz)
     ten, today = ((samples[:1500], samples[1700:3000]) for samples in (first, moved))
-    new, kept, file = recalibrated(tmp_path, rate_hz, ten, today)
+    new, kept, file = refitted(tmp_path, rate_hz, ten, today)
     before, after = (judged_closure(one, later) for one in (old, new))
     assert after.rank_correlation > max(0.97, before.rank_correlation - 0.005)
     assert before.rmse > 0.14
@@ -258,7 +252,6 @@ def test_a_bad_recording_is_refused_and_nothing_is_written(
 
 
 def some_model(folder: Path, **options: Any) -> Path:
-    """Fit a model to what the board shows at rest, half effort and full effort."""
     pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     closure = np.repeat([0.0, 0.5, 1.0] * 4, 1000)
     effort = RESTING + (1 - RESTING) * closure
@@ -278,9 +271,7 @@ def some_model(folder: Path, **options: Any) -> Path:
         ({"rate_hz": 1000}, "made for 1000 samples/s"),
     ],
 )
-def test_a_model_that_does_not_fit_is_refused_before_anybody_rests(
-    known: Bench, options: dict[str, Any], text: str
-) -> None:
+def test_a_model_that_does_not_fit_is_refused_first(known: Bench, options: dict[str, Any], text: str) -> None:
     words = with_model(some_model(known.file.parent, **options))
     before = files(known)
     wizard = known.recalibrates(Mover(known.board), *words, code=1)

@@ -107,9 +107,7 @@ def test_objects_are_crossed_under_names_that_tell_them_apart() -> None:
         crossed([OBJECTS["bag"]], friction=[9.0])
 
 
-def test_a_study_s_hash_covers_people_rules_objects_view_readings_and_program(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_study_s_hash_covers_all_it_depends_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def digest(where: str, *, masses_kg: tuple[float, float] = (0.3, 0.6), **how: Any) -> str:
         made: dict[str, Any] = {
             "operators": 1,
@@ -190,9 +188,7 @@ def older_study(folder: Path, shear: str) -> Path:
     return folder
 
 
-def test_an_older_study_is_read_where_its_gels_did_not_give_way_and_named_where_they_did(
-    tmp_path: Path,
-) -> None:
+def test_an_older_study_is_read_unless_its_gels_gave_way(tmp_path: Path) -> None:
     stated = read_assumptions(older_study(tmp_path, "off"))
     assert stated is not None
     assert stated.spec("bag") == OBJECTS["bag"]

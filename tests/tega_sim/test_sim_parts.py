@@ -27,7 +27,6 @@ NOTHING = WorldTruth(0.0, 0.0, False, (0.0, 0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0, 
 
 
 def score(course: Course, *, placing_from_s: float = np.inf) -> TrialScorer:
-    """Score what is so from each time on, a hundred times a second for a second after the last."""
     scorer = TrialScorer(harm_m=0.01)
     truth, left = NOTHING, deque(course)
     for tick in range(round((course[-1][0] + 1.0) * 100) + 1):
@@ -75,9 +74,7 @@ def test_two_slips_are_one_without_a_rest_in_between(rest_s: float, slips: int) 
     assert sum(event.size_m for event in scorer.events) == pytest.approx(0.01, abs=0.0011)
 
 
-def test_a_slip_counts_that_has_not_ended_with_the_trial_but_not_on_the_table_or_while_it_is_put_down() -> (
-    None
-):
+def test_a_slip_counts_to_the_end_but_not_on_the_table_or_while_it_is_put_down() -> None:
     events = score([(1.0, {"lift_off": True, "slip_m_s": 0.02})]).events
     assert [event.size_m for event in events if event.kind == "slip"] == [pytest.approx(0.02, abs=0.001)]
     assert score([(1.0, {"slip_m_s": 0.05})]).count("slip") == 0
@@ -132,8 +129,6 @@ def test_a_picture_that_cannot_change_is_known_without_looking_and_one_that_can_
 
 
 class LateClock(ManualClock):
-    """A clock on which every wait takes longer than asked for."""
-
     def __init__(self, late_ns: int) -> None:
         super().__init__()
         self.late_ns = late_ns

@@ -41,7 +41,6 @@ def eyes(who: PersonNumbers = WATCHING, view: ViewName = "direct", bears_m: floa
 def noticed(
     sight: Eyes, scenes: Iterable[WorldTruth], dt_s: float = 0.01, begin_s: float = 0.0, **how: bool
 ) -> list[SeenEvent]:
-    """Return what is noticed in a scene after the other."""
     how = {"carried": False, "lifting": False} | how
     return [
         event
@@ -129,14 +128,12 @@ def skin(who: PersonNumbers | None = None, seed: int = 0) -> Skin:
 
 
 def shaken(felt: Skin, displayed: MotorLevels) -> Skin:
-    """Return it after a second of a frame."""
     for tick in range(100):
         felt.feel(tick / 100, 0.01, displayed)
     return felt
 
 
 def frame(level: int) -> MotorLevels:
-    """A frame whose motors are all on one of the sixteen levels."""
     percent = next(p for p in range(101) if (15 * p + 50) // 100 == level)
     return vest_frame([percent] * 4, [percent] * 4, layout="x40")
 
@@ -154,9 +151,7 @@ def test_levels_of_the_vest_are_felt_as_often_as_the_threshold_says(level: int, 
 
 
 @pytest.mark.parametrize(("lower", "higher", "right"), [(4, 5, 0.72), (8, 12, 0.85)])
-def test_the_direction_of_a_change_is_felt_as_well_as_weber_says(
-    lower: int, higher: int, right: float
-) -> None:
+def test_the_direction_of_a_change_is_felt_as_weber_says(lower: int, higher: int, right: float) -> None:
     def readings(level: int, seed: int) -> list[float]:
         felt = shaken(skin(with_(UNADAPTED, "vest", panel_swap=0), seed), frame(level))
         looks = [felt.check(1 + n / 20, 0.05).back for n in range(4000)]
@@ -187,7 +182,6 @@ def test_the_skin_adapts_over_minutes_and_recovers() -> None:
 
 
 def share_weaker(before: int, after: float, seconds: float, windows: int) -> float:
-    """Share of trials in which weakening was noticed within ``seconds`` of a fall of amplitude."""
     noticed = 0
     who = with_(UNADAPTED, "vest", panel_swap=0, lapse=0, threshold=0.01)
     for seed in range(windows):

@@ -1,9 +1,10 @@
 # mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
-"""Whole lifts on the simulated bench: the loop closes, and equal plans give equal bits."""
+"""Whole trials on the simulated bench: the loop closes, equal plans give equal bits; objects carried and filled."""
 
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from pathlib import Path
@@ -18,14 +19,18 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 from reference.command import call
 from tega.errors import InvalidValueError, RecordingError
 from tega_sim import trials as trials_module
+from tega_sim.filling import HOLD_S, PORTION_N, Filling
 from tega_sim.gel import Gel
 from tega_sim.lab import lab_of
+from tega_sim.operator.motor import AWAY_M
 from tega_sim.operator.scripted import DEFAULT_COURSE, ScriptedOperator, Step
 from tega_sim.plan import TrialPlan, TrialResult
+from tega_sim.score import ON_MARK_M
 from tega_sim.seams import Act, Percept
 from tega_sim.streams import Streams
 from tega_sim.trial import run_trial
 from tega_sim.trials import plan_trials, read_results, run_trials, summarise_trials
+from tega_sim.world import World
 
 SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 
@@ -54,10 +59,7 @@ def test_a_script_lifts_the_container_through_the_whole_loop(lift) -> None:
     assert vest[-1].max() == 0
 
 
-def test_sensors_and_truth_agree_on_whether_a_finger_touches_and_tables_hold_what_arrays_do(
-    tmp_path: Path,
-) -> None:
-    """Close the hand on the container where it stands, and open it."""
+def test_sensors_and_truth_agree_on_touch_and_tables_hold_what_arrays_do(tmp_path: Path) -> None:
     opened = (Step(3.8, "hold", 1, (0.0, 0.0), 0.0), Step(5.2, "done", 1, (0.0, 0.0), 0.0))
     streams = Streams()
     run_trial(SCRIPTED, person=ScriptedOperator((*DEFAULT_COURSE[:3], *opened)), streams=streams)
@@ -92,9 +94,7 @@ def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendere
 
 @pytest.mark.slow
 @pytest.mark.parametrize("condition", ["non-haptic", "constant", "true-force"])
-def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
-    condition: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pictures_that_nobody_sees_change_nothing(condition: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = TrialPlan.checked({"object": "bag", "condition": condition, "seed": 2})
     rendered = run_trial(plan, skip_untouched=False)
     n_rendered: list[int] = []
@@ -106,8 +106,6 @@ def test_a_trial_whose_pictures_nobody_is_shown_is_the_same_without_them(
 
 
 class Onlooker:
-    """Somebody who only looks."""
-
     def __init__(self) -> None:
         self.vests: list[object] = []
 
@@ -129,9 +127,7 @@ def test_the_condition_decides_what_is_worn(condition: str, worn: bool) -> None:
     assert (person.vests[-1] is not None) == worn
 
 
-def test_switching_the_vest_off_takes_it_away_at_once_and_an_observer_sees_pictures_poses_and_muscles() -> (
-    None
-):
+def test_the_vest_is_switched_off_at_once_and_an_observer_sees_pictures_poses_and_muscles() -> None:
     person, seen = Onlooker(), list[Any]()
     plan = TrialPlan(object="bottle", seed=3)
     run_trial(plan, person=person, observer=seen.append, muted=lambda: len(person.vests) > 15)
@@ -233,7 +229,6 @@ def test_without_the_extra_one_line_says_what_to_install(
 
 @pytest.mark.slow
 def test_a_vest_that_tells_nothing_changes_nothing() -> None:
-    """The negative control: the same person with the same chance does exactly the same."""
     without, *shams = (
         msgspec.structs.replace(
             # Practising with a vest is simulated, whatever it shows.
@@ -245,3 +240,67 @@ def test_a_vest_that_tells_nothing_changes_nothing() -> None:
     )
     assert without.lift_off_s is not None
     assert shams == [without, without]
+
+
+def tried(**fields: Any) -> TrialResult:
+    plan = {"object": "bag", "condition": "non-haptic", "seed": 3, "operator": "scripted", **fields}
+    return run_trial(TrialPlan.checked(plan))
+
+
+@pytest.mark.slow
+def test_an_object_is_carried_to_the_second_mark_and_stands_there_let_go_of() -> None:
+    done = tried(task="place")
+    assert done.off_mark_m is not None
+    assert (done.placed, done.success, done.drops) == (True, True, 0)
+    assert 0 <= done.off_mark_m < ON_MARK_M < AWAY_M
+    assert msgspec.json.decode(msgspec.json.encode(done), type=TrialResult) == done
+    lost = tried(task="place", friction=0.25, mass_kg=0.8)  # it slides out of the hand on its way
+    assert (lost.placed, lost.success) == (False, False)
+    assert lost.off_mark_m is not None
+
+
+@pytest.mark.slow
+def test_a_simulated_person_places_an_object_and_a_lift_without_a_second_mark_says_nothing_of_one() -> None:
+    person = tried(object="container", operator="simulated", task="place")
+    assert person.placed
+    assert person.duration_s > 15
+    lift = tried()
+    assert (lift.success, lift.placed, lift.off_mark_m) == (True, None, None)
+    with pytest.raises(InvalidValueError, match="task"):
+        tried(task="throw")
+
+
+def test_portions_come_while_the_object_is_held_and_stay() -> None:
+    filling = Filling(4)
+    assert filling.force_n(3.0, holding=False) == 0.0
+    weights = [filling.force_n(5.0 + 0.01 * n, holding=True) for n in range(round(100 * HOLD_S))]
+    assert weights == sorted(weights)
+    assert {round(weight / PORTION_N, 9) for weight in weights} == set(range(16))
+    assert filling.force_n(5.0 + HOLD_S, holding=False) == weights[-1] == pytest.approx(15 * 0.1 * 9.81)
+    assert filling.force_n(99.0, holding=False) == weights[-1]
+    again, *others = (
+        [other.force_n(5.0 + 0.01 * n, holding=True) for n in range(100)]
+        for other in map(Filling, range(4, 8))
+    )
+    assert weights[:100] == again
+    assert all(weights[:100] != other for other in others)
+
+
+def test_a_push_bears_on_the_object_until_the_next() -> None:
+    world = World("bag")
+    for force_n in (6.0, 6.0, 0.0):
+        world.push(force_n)
+        assert world.data.xfrc_applied[:, 2].sum() == pytest.approx(-force_n)
+    for force_n in (-1.0, math.nan, math.inf):
+        with pytest.raises(InvalidValueError, match="force_n"):
+            world.push(force_n)
+
+
+@pytest.mark.slow
+def test_a_grip_that_lifts_the_container_loses_it_when_it_is_filled() -> None:
+    lifted, lost, kept = (
+        tried(object="container", mass_kg=0.35, task=task, friction=friction)
+        for task, friction in (("lift", 0.7), ("fill", 0.7), ("fill", 1.4))
+    )
+    assert [one.success for one in (lifted, lost, kept)] == [True, False, True]
+    assert kept.duration_s > lifted.duration_s + 5

@@ -34,8 +34,6 @@ def table(path: Path) -> list[dict[str, str]]:
 
 
 class Waits(ManualClock):
-    """A clock that remembers what was waited for."""
-
     def __init__(self) -> None:
         super().__init__()
         self.times: list[int] = []

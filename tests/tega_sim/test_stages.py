@@ -90,9 +90,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "reported"), WRONG)
-def test_a_wrong_stage_is_refused_with_its_line_and_the_nearest_name(
-    tmp_path: Path, text: str, reported: str
-) -> None:
+def test_a_wrong_stage_is_refused_by_line_and_nearest_name(tmp_path: Path, text: str, reported: str) -> None:
     file = tmp_path / "lab.toml"
     file.write_text(text)
     with pytest.raises(ConfigError, match=reported):

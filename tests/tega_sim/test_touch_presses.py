@@ -30,7 +30,6 @@ pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 def pressed(
     name: str, seed: int, course: dict[float, float], *, seconds: float, rate_hz: float = 60.0
 ) -> list[GelMoment]:
-    """Return a press of forces at times, straight between them."""
     times_s, forces_n = list(course), list(course.values())
     moments = press_sequence(
         name,
@@ -79,9 +78,7 @@ def test_an_eased_grip_stays_felt_for_ten_seconds(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "seed"), PRESSES)
-def test_a_quick_press_is_told_within_two_frames_of_the_force_from_which_it_is_felt(
-    name: str, seed: int
-) -> None:
+def test_a_quick_press_is_told_within_two_frames_of_the_force_that_is_felt(name: str, seed: int) -> None:
     # Rising by half a newton a second, a sixtieth of that a frame.
     felt_n = scored(name, seed).felt_n
     force_n = ramp(peak_n=3.0, wait_s=1.0, rise_s=0.3, hold_s=1.0, fall_s=0.1)
@@ -112,7 +109,6 @@ def test_a_finger_that_lets_go_while_another_holds_is_silent_within_a_tenth_of_a
 
 @lru_cache
 def still_frames(seed: int, n: int) -> tuple[list[NDArray[np.float32]], NDArray[np.float32]]:
-    """Return frames of an untouched gel without memory, and their mean."""
     gel = Gel(seed, memory=False)
     frames = [gel.frame([], k).astype(np.float32) for k in range(n)]
     return frames, np.mean(frames, axis=0)
@@ -126,9 +122,7 @@ def still_frames(seed: int, n: int) -> tuple[list[NDArray[np.float32]], NDArray[
         for s in (1.0, 2.0, 4.0)
     ],
 )
-def test_a_leftover_of_16_percent_that_sinks_to_5_is_silent_from_a_second_on(
-    name: str, sinks_s: float
-) -> None:
+def test_a_leftover_of_16_percent_that_sinks_to_5_is_silent_after_a_second(name: str, sinks_s: float) -> None:
     still, middle = still_frames(UNITS[0], 480)
     gel = Gel(UNITS[0], memory=False)
     pressed = np.mean([gel.frame(pressing(name, 5.0), k) for k in range(10)], axis=0) - middle

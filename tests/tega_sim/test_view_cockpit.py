@@ -184,8 +184,6 @@ def test_a_run_s_moments_tell_it_and_the_page_draws_it_while_there_is_a_command(
 
 
 class Gui:
-    """Stands where viser's GUI adds a slider, a switch and a chart."""
-
     def add_slider(self, *_: Any, initial_value: float, **__: Any) -> Any:
         return SimpleNamespace(value=initial_value, on_update=lambda _function: None)
 

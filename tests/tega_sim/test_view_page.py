@@ -38,7 +38,6 @@ def browser():
 
 @pytest.fixture(scope="module")
 def seen(browser):
-    """Open the page on a made-up grasp, and return it with its controls."""
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "container", "bag"))
     moments = Moments()
     with (
@@ -86,7 +85,6 @@ def test_pictures_vest_and_charts(seen):
 
 
 def brightest_of_a_touch_map(page) -> int:
-    """Return the brightest value in the index finger's map on the sheet that the page shows; -1 for no sheet."""
     brightest: int = page.evaluate(
         """() => {
             const image = [...document.images].find(one => one.offsetParent && one.naturalWidth == 498);

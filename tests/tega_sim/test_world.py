@@ -16,14 +16,11 @@ TICK_S = 0.003
 
 
 class Grip:
-    """A world with its hand's loop closed, in the grasp pose."""
-
     def __init__(self, spec):
         self.world, self.controller, self.ticks = World(spec, start_m=(0.0, 0.0)), hand_controller(), 0
         self.hold(1, 1.6)
 
     def hold(self, level, seconds, forearm_m=None):
-        """Ask for a level for so long, and return what is true then."""
         if forearm_m is not None:
             self.world.set_forearm(forearm_m)
         for _ in range(round(seconds / TICK_S)):
@@ -34,7 +31,6 @@ class Grip:
 
 
 def held_by_its_joints(world, n):
-    """Go on for so many times 30 steps with the hand open."""
     for _ in range(n):
         world.set_torques(1.5 * (GRASP_POSES_RAD[0] - world.angles_rad) - 0.08 * world.velocities_rad_s)
         world.step(30)

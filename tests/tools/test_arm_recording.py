@@ -75,7 +75,6 @@ class _Script:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A recording of a wrist that is followed, jumps, is let go and lost."""
     folder = tmp_path_factory.mktemp("arm")
     with emulated_lab(folder, arm=True) as lab:
         script = _Script(lab)

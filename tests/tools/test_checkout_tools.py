@@ -70,9 +70,7 @@ def test_another_missing_module_stays_what_it_is() -> None:
     assert not isinstance(caught.value, MissingToolError)
 
 
-def test_the_folders_in_the_pip_line_are_those_of_the_checkout(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_pip_line_has_the_checkout_s_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in PACKAGES:
         folder = PROJECT / "tools" / name.removeprefix("tega_")
         project = tomllib.loads((folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]

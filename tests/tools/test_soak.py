@@ -1,23 +1,28 @@
-"""A short soak, what its verdict depends on, and what it finds missing in recordings made by hand."""
+"""Campaigns: a short soak, its verdict, what it finds missing in recordings made by hand, runner and supervisor."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Sequence
+from itertools import count
 from pathlib import Path
 
 import pytest
 
 from reference.command import call
 from tega.config import check_tree
+from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_recorder import McapRecorder
 from tega.records import ArmTarget, Joints, Record, Skip
+from tega_campaigns.runner import CampaignCase, run_cases
 from tega_campaigns.soak.lost import KeptCounts, check
 from tega_campaigns.soak.plan import KINDS, plan
 from tega_campaigns.soak.report import SoakFault, SoakReport
 from tega_campaigns.soak.trial import soak
+from tega_campaigns.standstill import Standstills
+from tega_campaigns.supervisor import SaidLine, Supervisor
 
 
 @pytest.mark.slow
@@ -93,9 +98,7 @@ def unjudged(n: int, how: str = "unplug") -> list[SoakFault]:
         ),
     ],
 )
-def test_each_thing_that_is_wrong_fails_a_soak_and_nothing_else_does(
-    name: str, value: object, word: str
-) -> None:
+def test_each_thing_that_is_wrong_alone_fails_a_soak(name: str, value: object, word: str) -> None:
     report = good()
     report.judge()
     assert report.passed
@@ -157,8 +160,48 @@ def test_ticks_without_a_gap_have_none_whatever_else_is_late(tmp_path: Path) -> 
     ],
     ids=["as fast as it may", "a little faster", "a jump", "a jump after it was let go", "outside"],
 )
-def test_targets_beyond_the_arm_s_limits_are_counted(
-    places: list[tuple[int, float]], n_over: int, tmp_path: Path
-) -> None:
+def test_targets_beyond_limits_count(places: list[tuple[int, float]], n_over: int, tmp_path: Path) -> None:
     kept = recorded(tmp_path, [target(ms, x_m) for ms, x_m in places])
     assert (kept.arm_targets, kept.arm_over) == (len(places), n_over)
+
+
+@pytest.fixture
+def standing() -> Standstills:
+    still = Standstills()
+    still._found.append((0, 2**62))
+    return still
+
+
+def test_a_case_is_tried_again_while_the_machine_stands_still_and_only_then(standing: Standstills) -> None:
+    tries = count(1)
+    assert [n for n, _ in run_cases([CampaignCase({}, lambda: next(tries))], standing, attempts=4)] == [4]
+    tries = count(1)
+    cases = [CampaignCase({}, lambda: next(tries))] * 2
+    assert list(run_cases(cases, Standstills(), attempts=4)) == [(1, 0), (2, 0)]
+
+
+def test_an_error_counts_where_the_machine_did_not_stand_still(standing: Standstills) -> None:
+    tries = count(1)
+
+    def fails() -> None:
+        next(tries)
+        raise DeviceUnavailableError("gone", "plug it in")
+
+    for still, n in ((Standstills(), 1), (standing, 4)):
+        before = next(tries)
+        with pytest.raises(DeviceUnavailableError, match="gone"):
+            list(run_cases([CampaignCase({}, fails)], still, attempts=4))
+        assert next(tries) - before == n + 1
+
+
+def test_what_a_station_became_is_told_with_what_it_was_before(tmp_path: Path) -> None:
+    with Supervisor(tmp_path / "none.toml") as station:
+        reported = [(1.0, "active"), (2.0, "active"), (3.0, "hold"), (4.0, "hold"), (5.0, "idle")]
+        station.lines = [SaidLine(at_s, {"state": state, "alerts": []}) for at_s, state in reported]
+        station.lines.append(SaidLine(6.0, {"said": "waits for an operator"}))
+        assert station.since(2.5, "state") == [(2.5, "active"), (3.0, "hold"), (5.0, "idle")]
+        assert station.now["state"] == "idle"
+        assert (station.has_said("waits"), station.has_said("leads")) == (6.0, None)
+        station.started_s = 5.5
+        assert station.now == {}  # of a process that was started anew
+        assert not station.well()

@@ -21,7 +21,6 @@ SNAPSHOT = Path(__file__).resolve().parents[2] / "docs" / "public.txt"
 
 
 def verbs(command: click.Command = cli, path: tuple[str, ...] = ()) -> Iterator[tuple[str, click.Command]]:
-    """Return every verb and group by the words that call it."""
     yield " ".join(path), command
     if isinstance(command, click.Group):
         context = click.Context(command)
@@ -65,9 +64,7 @@ def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
     ("earlier", "now"),
     [("inspect", "recording inspect"), ("sim-trials", "sim trials"), ("forward", "arm forward")],
 )
-def test_an_earlier_name_runs_and_says_the_new_one(
-    earlier: str, now: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_earlier_name_says_the_new_one(earlier: str, now: str, capsys: pytest.CaptureFixture[str]) -> None:
     out, err = call(capsys, earlier, "--help")
     assert out.startswith(f"Usage: tega-teleop {now} ")
     assert err == f"note: {earlier} is now: tega-teleop {now}\n"
