@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -9,13 +10,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from reference.audit import refused, reported
 from reference.command import call
 from reference.sessions import synthetic
 from tega.config import load_config
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError
 from tega.records import Intent
+from tega.ui.cli.main import main
 from tega_figures.audit import (
     READINGS,
     AuditRequest,
@@ -33,6 +34,17 @@ GEL = Gel(seed=5)
 BASELINE = GEL.still()
 FORCES_N = (1.5, 3.0, 5.0)
 FRAMES = [GEL.frame([ball(force_n=n, centre_xy=(120.0, 150.0))], k) for k, n in enumerate(FORCES_N)]
+
+
+def reported(*words: object, capsys: Any) -> list[dict[str, Any]]:
+    return json.loads(call(capsys, "audit", *words, "--json")[0])  # type: ignore[no-any-return]
+
+
+def refused(*words: object, capsys: Any) -> str:
+    with pytest.raises(SystemExit) as done:
+        main(["audit", *map(str, words)])
+    assert done.value.code != 0
+    return str(capsys.readouterr().err)
 
 
 @pytest.fixture

@@ -38,14 +38,6 @@ from tega_figures.exact import exact_contact
 SMALL = (24, 32)
 
 
-@pytest.mark.parametrize("size", scenes.SIZES[:3])
-def test_scenes_are_contacts_of_the_size_asked_for(size):
-    for frame, baseline in scenes.scenes(size):
-        assert frame.shape == baseline.shape == (*size, 3)
-        assert frame.flags.c_contiguous
-        assert variants.preset_kernel("live")(frame, baseline).eda > 0
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", peers.MAKERS)
 @pytest.mark.parametrize("law", CONTACT_LAWS, ids=lambda law: law.name)
@@ -132,25 +124,6 @@ def test_the_collector_is_on_again():
     with pytest.raises(RuntimeError):
         timing.take_turns({"a": fail}, budget_s=1e-9)
     assert gc.isenabled()
-
-
-@pytest.mark.slow
-def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
-    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
-    monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])
-    monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
-    absent = {"cv2", "numba", "scipy"}
-    found = importlib.util.find_spec
-    for module in (report, peers, filters):
-        monkeypatch.setattr(module, "find_spec", lambda name: None if name in absent else found(name))
-    for name in (*absent, "threadpoolctl"):
-        monkeypatch.setitem(sys.modules, name, None)
-    measured = report.run_bench(quick=True)
-    assert set(measured.missing) == absent
-    assert {row.variant for row in measured.emg} == {"TEGA"}
-    assert all(0 < row.error_of_full_scale < 1e-13 for row in measured.emg)
-    assert "NumPy, tuned" in {row.variant for row in measured.contact}
-    assert measured.threads == {"BLAS": "not limited: threadpoolctl is not installed"}
 
 
 @pytest.mark.slow

@@ -84,7 +84,6 @@ _PLAN: dict[str, Any] = {
 @pytest.fixture(scope="module")
 def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]]:
     pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     from tega_sim.streams import LiftRecorder
     from tega_sim.trial import TrialPlan, run_trial
 

@@ -133,9 +133,8 @@ def test_a_short_call_on_an_object_in_use_stops_no_other_thread() -> None:
             time.sleep(1e-5)  # leaves the interpreter to the others
 
     interval_s = sys.getswitchinterval()
-    sys.setswitchinterval(
-        1e-5
-    )  # a turn of the third thread is a few hundred ticks, a computation some hundred thousand
+    # A turn of the third thread is a few hundred ticks, a computation some hundred thousand.
+    sys.setswitchinterval(1e-5)
     threads = [threading.Thread(target=compute), threading.Thread(target=tick)]
     try:
         for thread in threads:

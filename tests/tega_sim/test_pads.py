@@ -51,19 +51,6 @@ def test_a_contact_on_the_tip_s_edge_is_not_in_the_picture() -> None:
     assert held.along_mm[1:].max() < -8
 
 
-def test_pads_of_an_empty_hand_meet_from_level_3_on() -> None:
-    """Why a real hand keeps the built-in poses: it may be closed without an object."""
-    world = World("bag")
-    pads = [world.model.geom(name).id for name in ("thumb_pad", "index_pad")]
-    apart_mm = []
-    for pose in GRASP_POSES_RAD:
-        world._angles[:] = pose
-        world.mujoco.mj_kinematics(world.model, world.data)
-        apart_mm.append(1e3 * world.mujoco.mj_geomDistance(world.model, world.data, *pads, 0.2, None))
-    assert apart_mm[0] > 10
-    assert max(apart_mm[2:]) < 0
-
-
 def test_fingertips_are_where_the_physics_has_them() -> None:
     world = World("bottle")
     names = [f"{finger}_pad" for finger in FINGERS]

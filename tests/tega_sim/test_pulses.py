@@ -25,13 +25,11 @@ from tega.haptics import FeltMap, MotorLevels
 from tega.haptics.motor_layout import find_layout
 from tega.loop.controls import Controls
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.pacing import Pacer
 from tega.loop.session import run_session
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
 from tega.recording.replay import replay_file
 from tega.records import Contact, Event
-from tega.runtime.clock import ManualClock
 from tega.stages.base import VestSetup
 from tega.stages.changes import ChangesMapping
 from tega.stages.pulses import PulsesMapping, PulsesOptions
@@ -78,12 +76,9 @@ def reported(
     loop = pulsing(TouchMaxima(cci_max=1.0, eda_max=3000.0), felt=felt, **pulses)
     items = [replace(contact, t_ns=n * FRAME_MS * MS) for n, contact in enumerate(script)]
     run = wired_loop(
-        Pacer(ManualClock()),
-        loop,
+        touch=loop,
         contacts={"index": PulledStream(items, end_ns=len(script) * FRAME_MS * MS)},
-        levels=None,
         vests=[vest],
-        hands=[],
         by_frame=True,
     )
     try:

@@ -28,6 +28,7 @@ from tega_learn.score import DecoderFigures, judge
 from tega_sim.operator import ForearmEmg, calibrate, draw_person
 
 pytestmark = pytest.mark.slow
+pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 CHANNELS = ("ch1", "ch2", "ch3")
 FIVE_SECONDS = 50  # blocks
 Samples = NDArray[np.float64]
@@ -138,8 +139,6 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
     name: str, seed: int, places: int, lost: float, bar: float, tmp_path: Path
 ) -> None:
     """Real EMG, judged on the second half; the shift is simulated: channels rotated, gains drawn anew."""
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
-    pytest.importorskip("scipy", reason="scipy is not installed")
     whole = squeezes(name)
     scale = 250 / np.abs(whole.samples).max()  # counts of the emulated board, with room for gains of 2
     learn, judged = two_halves(whole._replace(samples=scale * whole.samples))
@@ -156,7 +155,6 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
 @pytest.mark.parametrize("seed", [4, 5])
 def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_path: Path) -> None:
     """Simulated: each electrode sees 0.3 of the next muscle, with another gain: the order is kept, closures are not."""
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     person, rate_hz, tau = draw_person(seed), 250, 25
     known = calibrate(person, seed=seed, rate_hz=rate_hz)
     steps = np.random.default_rng(seed).permutation(np.repeat(np.linspace(0, 1, 5), 6))
@@ -252,7 +250,6 @@ def test_a_bad_recording_is_refused_and_nothing_is_written(
 
 
 def some_model(folder: Path, **options: Any) -> Path:
-    pytest.importorskip("sklearn", reason="scikit-learn is not installed")
     closure = np.repeat([0.0, 0.5, 1.0] * 4, 1000)
     effort = RESTING + (1 - RESTING) * closure
     emg = np.random.default_rng(2).normal(size=(len(closure), 3)) * 60 * effort[:, np.newaxis]

@@ -13,15 +13,12 @@ from reference.hand import stuck_hand
 from reference.scripted import MS, Sink, touching
 from reference.wired import wired_loop
 from tega.config import FINGERS, ReflexSection, SessionConfig, load_config
-from tega.config.calibration import TouchMaxima
 from tega.errors import ConfigError
 from tega.hand import HandController
 from tega.hand.link import HandLink
 from tega.loop.inbox.stream import PulledStream
-from tega.loop.pacing import Pacer
 from tega.loop.reflex import ReflexArc, open_reflex
 from tega.loop.snapshot import LoopView, Snapshot
-from tega.loop.touch import TouchLoop
 from tega.recording.replay.feed import Newest
 from tega.recording.replay.inbox import RecordedGuard, recorded_arc
 from tega.recording.replay.recompute import repeat_exchanges
@@ -37,7 +34,6 @@ from tega.records import (
     bus_frames,
 )
 from tega.records.bus import Bus
-from tega.runtime.clock import ManualClock
 
 
 def slipping(share: float, t_ns: int = 0) -> Contact:
@@ -61,11 +57,8 @@ class Ran:
         for n in range(presses):
             bus.publish(Button(seat="reflex", t_ns=0, seq=n, button="1", pressed=True))
         wired_loop(
-            Pacer(ManualClock()),
-            TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=100.0)}, layout="paper32"),
             contacts={"thumb": PulledStream(thumb)},
             levels=PulledStream([Intent(t_ns=0, channels=(3,), level=3)], end_ns=2000 * MS),
-            vests=[],
             hands=[Sink()],
             bus=bus,
             reflex=self.arc,

@@ -18,7 +18,7 @@ from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab, lab_of
 from tega_sim.lift import Lift, other_vest
-from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
+from tega_sim.operator import Operator, ScriptedOperator, ViewName, load_parameters, people_digest
 from tega_sim.operator.belief import Closure, Panel
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.plan import FULL_N, TrialPlan
@@ -150,39 +150,35 @@ def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
 
 
 @pytest.mark.slow
-def test_a_replayed_vest_is_another_trial_s_byte_for_byte_and_knows_nothing_of_this_one(lab: Lab) -> None:
-    plan = TrialPlan(object="bottle", condition="replayed", seed=3, operator="scripted")
+@pytest.mark.parametrize(
+    ("condition", "name", "view", "of", "course"),
+    [
+        ("replayed", "bottle", "direct", ("container", "haptic"), TOUCH),
+        ("mistimed", "bag", "hidden", ("bottle", "oracle"), LET_FALL),
+    ],
+)
+def test_a_vest_of_another_trial_is_that_one_s_byte_for_byte_and_knows_nothing_of_this_one(
+    lab: Lab, condition: str, name: str, view: ViewName, of: tuple[str, str], course: tuple[Step, ...]
+) -> None:
+    plan = TrialPlan(object=name, condition=condition, seed=3, operator="scripted", view=view)
     other = plan.other
-    assert (other.object, other.condition, other.seed) == ("container", "haptic", 3)
+    assert (other.object, other.condition, other.seed, other.view) == (*of, 3, view)
     recorded = other_vest(lab, plan, 0)
     streams = Streams()
     run_trial(other, streams=streams)
     assert [(t_s, *frame.intensities.tolist()) for t_s, frame in recorded] == streams.rows["vest"]
     assert any(frame.intensities.any() for _, frame in recorded)
-    touching, _ = lift(lab, "replayed", TOUCH, name="bottle")
-    untouched, free = lift(lab, "replayed", away(3.8), name="bottle")
+    touching, seen = lift(lab, condition, course, name=name)
+    assert course is TOUCH or (seen.array("truth", "slip_m_s") >= SLIP_M_S).any()
+    untouched, free = lift(lab, condition, away(course[-1].t_s), name=name)
     assert not any(free.array("truth", f"{finger}_force_n").any() for finger in FINGERS)
-    assert touching.worn[1:] == untouched.worn[1:]
+    looks = min(len(touching.worn), len(untouched.worn))
+    assert touching.worn[1:looks] == untouched.worn[1:looks]
     times = np.array([t_s for t_s, _ in recorded])
     for check in range(5, len(untouched.worn)):
         # What was written at this very moment is there at the next look.
         newest = int(np.searchsorted(times, check / 100 - 1e-9, side="left")) - 1
         assert untouched.worn[check] == recorded[newest][1]
-
-
-@pytest.mark.slow
-def test_mistimed_pulses_are_those_of_another_trial_and_know_nothing_of_this_one(lab: Lab) -> None:
-    plan = TrialPlan(object="bag", condition="mistimed", seed=3, operator="scripted", view="hidden")
-    other = plan.other
-    assert (other.object, other.condition, other.view) == ("bottle", "oracle", "hidden")
-    recorded = other_vest(lab, plan, 0)
-    assert any(frame.intensities.any() for _, frame in recorded)
-    falling, streams = lift(lab, "mistimed", LET_FALL, name="bag")
-    assert (streams.array("truth", "slip_m_s") >= SLIP_M_S).any()
-    untouched, _ = lift(lab, "mistimed", away(9.0), name="bag")
-    looks = min(len(falling.worn), len(untouched.worn))
-    assert falling.worn[1:looks] == untouched.worn[1:looks]
-    assert any(worn is not None and worn.intensities.any() for worn in untouched.worn)
 
 
 def test_an_object_of_a_file_is_replayed_the_bench_s_first() -> None:

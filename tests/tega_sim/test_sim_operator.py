@@ -37,9 +37,6 @@ STILL = WorldTruth(0.0, 0.0, False, (0.0,) * 4, 0.0, 0.0, 0.0, 0.0, False, 0.1)
 FILE = Path(__file__).parents[2] / "python/tega_sim/operator/parameters.toml"
 
 
-# --- parameters and population ---
-
-
 def test_every_parameter_has_unit_mark_source_and_bounds_around_it() -> None:
     parameters = load_parameters()
     assert parameters.frozen
@@ -85,9 +82,6 @@ def test_people_differ_as_the_file_says() -> None:
     assert np.corrcoef(times.T)[0, 1] == pytest.approx(0.6, abs=0.08)
 
 
-# --- beliefs ---
-
-
 @pytest.mark.parametrize(("x", "var"), [(2.0, 0.04), (3.5, 0.3), (5.0, 0.0)])
 def test_learning_a_bound_gives_the_moments_of_the_cut_gaussian(x: float, var: float) -> None:
     def moment(k: int) -> float:
@@ -111,9 +105,6 @@ def test_beliefs_fade_between_trials_and_are_carried_to_another_object() -> None
     assert operator.beliefs["heavy"].need == pytest.approx((5.0, math.hypot(0.3, 0.2)))
     operator.begin("light", width_m=0.07)
     assert operator.beliefs["light"].need == pytest.approx((3.0 + 0.3 * 2.0, 1.2))
-
-
-# --- the whole person ---
 
 
 def test_a_trial_goes_through_its_phases_and_lifts() -> None:

@@ -17,7 +17,7 @@ import pytest
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from reference.command import call
-from tega.errors import InvalidValueError, RecordingError
+from tega.errors import ConfigError, InvalidValueError, RecordingError
 from tega_sim import trials as trials_module
 from tega_sim.filling import HOLD_S, PORTION_N, Filling
 from tega_sim.gel import Gel
@@ -145,10 +145,17 @@ def test_the_vest_is_switched_off_at_once_and_an_observer_sees_pictures_poses_an
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"object": "brick"}, {"condition": "loud"}, {"seed": -1}, {"practice": 1000}, {"preset": "best"}],
+    [
+        {"object": "brick"},
+        {"condition": "loud"},
+        {"seed": -1},
+        {"practice": 1000},
+        {"preset": "best"},
+        {"settings": ["vest.driver=hid-vest"]},
+    ],
 )
 def test_a_plan_with_a_mistake_is_refused(wrong: dict[str, object]) -> None:
-    with pytest.raises(InvalidValueError):
+    with pytest.raises((InvalidValueError, ConfigError)):
         TrialPlan.checked({"object": "bag"} | wrong)
 
 

@@ -237,16 +237,6 @@ def test_stages_beside_are_recorded_and_change_nothing(tmp_path: Path) -> None:
     assert [value.eda for value in tenth] != [value.eda for value in printed]
 
 
-def test_a_simulated_trial_refuses_settings_that_it_does_not_have() -> None:
-    pytest.importorskip("mujoco")
-    from tega_sim.plan import TrialPlan
-
-    given = {"object": "bag", "settings": ["stages.mapping.options.law=linear"]}
-    assert TrialPlan.checked(given).settings == ("stages.mapping.options.law=linear",)
-    with pytest.raises(ConfigError, match="has no such setting"):
-        TrialPlan.checked({"object": "bag", "settings": ["vest.driver=hid-vest"]})
-
-
 def test_every_reading_of_the_list_changes_what_is_measured() -> None:
     frame, baseline = pressed(2, 100.0)
     grey = reading(baseline)._map(frame)[0]

@@ -12,15 +12,14 @@ from numpy.typing import NDArray
 
 from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, estimate_baseline, read_contact
-from tega_figures.audit import Mark, read_marks
 
 pytest.importorskip("cv2", reason="needs the extra tega[lab]")
 pytest.importorskip("scipy", reason="needs the extra tega[lab]")
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
-import cv2
 
 from tega.tactile.tracker import TouchTracker, TrackedContact, sensor_noise, update_fingers
+from tega_figures.check_touch import RecordedPresses, load_presses
 from tega_figures.touch_demo import score_demo
 from tega_figures.touch_jitter import Case, measure
 from tega_figures.touch_recordings import (
@@ -32,6 +31,7 @@ from tega_figures.touch_recordings import (
     longest_run,
     rest,
     soft_grips,
+    video,
     wedge,
 )
 from tega_learn.score import rank_correlation
@@ -46,29 +46,22 @@ AT_REST = {
 }
 
 
-class Presses:
-    def __init__(self, folder: Path) -> None:
-        self.baseline: Image = read_image(folder / "background.png", driver="test")
-        marks = read_marks(folder / "annotate.csv")
-        self.marks: list[Mark] = list(marks.values())
-        self.frames: list[Image] = [read_image(folder / name, driver="test") for name in marks]
-
-    def distance(self, index: int) -> NDArray[np.float64]:
-        return self.marks[index].distance(self.baseline.shape)
-
-
 @pytest.fixture(scope="module")
-def presses(recordings: Path) -> Presses:
-    return Presses(recordings / "digit" / "digit_ball_D20641")
+def presses(recordings: Path) -> RecordedPresses:
+    return load_presses(recordings / "digit" / "digit_ball_D20641")
+
+
+def distance(presses: RecordedPresses, index: int) -> NDArray[np.float64]:
+    return presses.marks[index].distance(presses.still.shape)
 
 
 def overlap(a: NDArray[np.bool_], b: NDArray[np.bool_]) -> float:
     return float((a & b).sum() / (a | b).sum())
 
 
-def test_marked_ball_presses_are_outlined(presses: Presses) -> None:
-    circles = [presses.distance(i) <= 1 for i in range(30)]
-    masks = [contact_mask(frame, presses.baseline, reading="live") for frame in presses.frames]
+def test_marked_ball_presses_are_outlined(presses: RecordedPresses) -> None:
+    circles = [distance(presses, i) <= 1 for i in range(30)]
+    masks = [contact_mask(frame, presses.still, reading="live") for frame in presses.frames]
     assert all(mask.any() for mask in masks)
     overlaps = [overlap(*both) for both in zip(masks, circles, strict=True)]
     assert np.median(overlaps) >= 0.80
@@ -77,15 +70,15 @@ def test_marked_ball_presses_are_outlined(presses: Presses) -> None:
     assert 0.92 <= np.median(areas) <= 1.08
 
 
-def test_two_presses_at_once_are_both_outlined(presses: Presses) -> None:
+def test_two_presses_at_once_are_both_outlined(presses: RecordedPresses) -> None:
     overlaps = []
     centres = [mark.centre_xy for mark in presses.marks]
     apart = [(i, j) for i, j in combinations(range(30), 2) if dist(centres[i], centres[j]) > 120]
     for i, j in apart[::5]:
-        left, right = presses.distance(i), presses.distance(j)
+        left, right = distance(presses, i), distance(presses, j)
         nearer = left * presses.marks[i].radius_px < right * presses.marks[j].radius_px
         frame = np.where(nearer[..., np.newaxis], presses.frames[i], presses.frames[j])
-        mask = contact_mask(frame, presses.baseline, reading="live")
+        mask = contact_mask(frame, presses.still, reading="live")
         overlaps.append(overlap(mask, (left <= 1) | (right <= 1)))
     assert len(overlaps) > 30
     # One level for both: beside a stronger press the weaker one is outlined to a third of its area.
@@ -93,23 +86,23 @@ def test_two_presses_at_once_are_both_outlined(presses: Presses) -> None:
     assert np.quantile(overlaps, 0.1) > 0.6
 
 
-def test_what_lies_far_from_a_press_is_no_contact(presses: Presses) -> None:
+def test_what_lies_far_from_a_press_is_no_contact(presses: RecordedPresses) -> None:
     found = []
     for i, press in enumerate(presses.frames):
         # The gel is drawn down around a ball: out to some three radii that is seen, and is no false contact.
-        far = presses.distance(i) > 3
-        frame = np.where(far[..., np.newaxis], press, presses.baseline)
-        metrics = read_contact(frame, presses.baseline, reading="live")
+        far = distance(presses, i) > 3
+        frame = np.where(far[..., np.newaxis], press, presses.still)
+        metrics = read_contact(frame, presses.still, reading="live")
         assert metrics.in_contact == (metrics.eda > 0) == (metrics.cci > 0)
         found.append(metrics.in_contact)
     # One of the thirty is drawn down further.
     assert sum(found) <= 1
 
 
-def test_presses_are_enough_to_find_their_own_baseline(presses: Presses) -> None:
+def test_presses_are_enough_to_find_their_own_baseline(presses: RecordedPresses) -> None:
     estimated = estimate_baseline(presses.frames)
     overlaps = [
-        overlap(contact_mask(frame, estimated, reading="live"), presses.distance(i) <= 1)
+        overlap(contact_mask(frame, estimated, reading="live"), distance(presses, i) <= 1)
         for i, frame in enumerate(presses.frames)
     ]
     assert np.median(overlaps) >= 0.78
@@ -124,14 +117,6 @@ def test_another_sensor_is_read_with_the_same_constants(recordings: Path) -> Non
     assert min(radii) > 0
     # One ball, pressed alike: one size.
     assert np.std(radii) < 0.1 * np.mean(radii)
-
-
-def video(path: Path) -> NDArray[np.uint8]:
-    capture = cv2.VideoCapture(str(path))
-    frames = []
-    while (read := capture.read())[0]:
-        frames.append(read[1])
-    return np.array(frames, np.uint8)
 
 
 @pytest.mark.parametrize("name", list(AT_REST))

@@ -247,9 +247,8 @@ def test_looking_into_a_copy_takes_nothing_from_a_recording_that_goes_on(tmp_pat
             (found,) = [inspect_file(path) for path in session_files(copy)]
             assert 0 < next(s.messages for s in found.streams if s.topic == "/run/marker") < 40
             rescue_tails()
-            assert before <= {
-                path.name for path in memory.iterdir()
-            }  # the recording goes on, and may add some
+            # The recording goes on, and may add some.
+            assert before <= {path.name for path in memory.iterdir()}
         finally:
             running.kill()
     (recovered,) = SessionFolder(live).recovered
