@@ -58,9 +58,7 @@ def test_a_gel_that_is_touched_or_has_drifted_is_told_in_its_own_noise(tmp_path:
         [
             one
             for one in check_gel(
-                case(tmp_path, pictures(gel, noisier=by)),
-                "D1",
-                pictures(gel, noisier=by, indenters=faint),
+                case(tmp_path, pictures(gel, noisier=by)), "D1", pictures(gel, noisier=by, indenters=faint)
             )
             if "differs" in one.finding
         ]

@@ -25,10 +25,7 @@ from tega.records.bus import Bus
 from tega.records.schema import read
 from tega_emulators.lab import emulated_lab
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS"),
-]
+pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 pytest.importorskip("foxglove", reason="comes with the extra record")
 
 

@@ -65,11 +65,7 @@ def pulsing(maxima: TouchMaxima, *, felt: FeltMap | None = None, **pulses: Any) 
 
 
 def reported(
-    script: list[Contact],
-    *,
-    fail_at_ns: int | None = None,
-    felt: FeltMap | None = None,
-    **pulses: float,
+    script: list[Contact], *, fail_at_ns: int | None = None, felt: FeltMap | None = None, **pulses: float
 ) -> tuple[list[tuple[float, int, int]], list[tuple[int, MotorLevels]], PulsesMapping]:
     """Run the loop over an index finger's frames; return changes of (time, front, back), all frames, and the loop."""
     vest = Sink(fail_at_ns)

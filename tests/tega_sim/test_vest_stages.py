@@ -32,7 +32,13 @@ from tega_figures.felt.skin import BatchSkin
 from tega_sim.lab import lab_of
 from tega_sim.operator.person import typical_person
 from tega_sim.plan import TrialPlan, loop_settings
+from tega_sim.streams import Streams
+from tega_sim.trial import run_trial
 from tega_sim.true_touch import touch_of
+from tega_study.lead.benches import SimulatedBench
+from tega_study.plan import make_plan
+from tega_study.silico.session import run_session
+from tega_study.silico.simulate import jobs_of, made_study
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
@@ -222,17 +228,12 @@ def verb(*words: object, capsys: Any) -> Any:
 
 @pytest.mark.slow
 def test_stages_beside_a_lift_are_told_and_change_nothing() -> None:
-    import msgspec
-
-    from tega_sim.streams import Streams
-    from tega_sim.trial import TrialPlan, run_trial
-
     plan = TrialPlan(object="bottle", operator="scripted", seed=3, preset="paper")
     alone = run_trial(plan)
     streams = Streams()
-    both = run_trial(msgspec.structs.replace(plan, settings=(BESIDE,)), streams=streams)
+    both = run_trial(replace(plan, settings=(BESIDE,)), streams=streams)
     assert len(streams.rows["beside-levels"]) >= len(streams.rows["levels"])
-    assert msgspec.structs.replace(both, settings=()) == alone
+    assert replace(both, settings=()) == alone
     # The metric beside calls contact what the chosen one would, were it chosen.
     assert {row[1] for row in streams.rows["beside-contacts"]} == {"reading"}
 
@@ -285,8 +286,6 @@ def test_a_files_settings_of_the_loop_are_all_that_is_taken(tmp_path: Path) -> N
 
 
 def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys: Any) -> None:
-    from tega_study.silico.simulate import jobs_of, made_study
-
     how: dict[str, Any] = {"operators": 1, "seed": 2, "objects": ["bottle"], "trials": 1}
     arms = ("haptic", "non-haptic")
     settings = ("stages.metric.name=paper", "stages.decoder.options.fusion=median")
@@ -307,9 +306,6 @@ def test_a_study_in_silico_is_run_with_the_stages_it_says(tmp_path: Path, capsys
 
 @pytest.mark.slow
 def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
-    from tega_study.silico.session import run_session
-    from tega_study.silico.simulate import jobs_of, made_study
-
     how: dict[str, Any] = {"operators": 1, "seed": 2, "objects": ["bottle"], "trials": 1, "preset": "paper"}
     courses = []
     for name, settings in (
@@ -327,9 +323,6 @@ def test_a_session_in_silico_reads_as_its_settings_say(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_rehearsal_on_the_simulated_bench_takes_stages() -> None:
-    from tega_study.lead.benches import SimulatedBench
-    from tega_study.plan import make_plan
-
     plan = make_plan(
         participants=1,
         seed=1,
