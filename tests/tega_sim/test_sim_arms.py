@@ -18,7 +18,7 @@ from tega.haptics import MotorLevels, intensity, vest_frame
 from tega_sim.conditions import CONDITIONS
 from tega_sim.lab import Lab, lab_of
 from tega_sim.lift import Lift, other_vest
-from tega_sim.operator import Operator, ScriptedOperator, ViewName, load_parameters, people_digest
+from tega_sim.operator import Operator, ScriptedOperator, load_parameters, people_digest
 from tega_sim.operator.belief import Closure, Panel
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.plan import FULL_N, TrialPlan
@@ -158,9 +158,10 @@ def test_a_slip_is_told_once_until_the_object_has_rested(lab: Lab) -> None:
     ],
 )
 def test_a_vest_of_another_trial_is_that_one_s_byte_for_byte_and_knows_nothing_of_this_one(
-    lab: Lab, condition: str, name: str, view: ViewName, of: tuple[str, str], course: tuple[Step, ...]
+    lab: Lab, condition: str, name: str, view: str, of: tuple[str, str], course: tuple[Step, ...]
 ) -> None:
-    plan = TrialPlan(object=name, condition=condition, seed=3, operator="scripted", view=view)
+    given = {"object": name, "condition": condition, "seed": 3, "operator": "scripted", "view": view}
+    plan = TrialPlan.checked(given)
     other = plan.other
     assert (other.object, other.condition, other.seed, other.view) == (*of, 3, view)
     recorded = other_vest(lab, plan, 0)
