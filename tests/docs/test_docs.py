@@ -107,9 +107,7 @@ def test_a_page_s_python_runs() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("page", ["docs/library.md", "README.md"])
-def test_the_python_of_a_page_runs_on_devices(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, page: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_python_of_a_page_runs_on_devices(tmp_path, monkeypatch, page, capsys):
     pytest.importorskip("matplotlib").use("Agg")
     import matplotlib.pyplot as plt
 
@@ -121,9 +119,7 @@ def test_the_python_of_a_page_runs_on_devices(
     assert re.search(r"\d\.\d\d s, thumb: ", capsys.readouterr().out)
 
 
-def test_the_code_of_a_page_reads_a_log_of_python_can(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_code_of_a_page_reads_a_log_of_python_can(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with can.CanutilsLogWriter("candump.log") as log:
         for frame in allegro_position_frames(CLOSURE_POSES_RAD[2]):

@@ -217,9 +217,7 @@ BREAKING = [
 
 
 @pytest.mark.parametrize(("file", "name", "right", "wrong", "rule"), BREAKING)
-def test_the_contract_finds_what_is_wrong(
-    file: str, name: str, right: str, wrong: str, rule: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_contract_finds_what_is_wrong(file, name, right, wrong, rule, tmp_path, monkeypatch):
     package, _, part = file.partition("/")
     text = (PROJECT / "examples" / package / "src" / package / f"{part or '__init__'}.py").read_text(
         encoding="utf-8"

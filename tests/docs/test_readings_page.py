@@ -80,9 +80,7 @@ RUN_WITH = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("place", "item"), RUN_WITH, ids=lambda one: getattr(one, "number", one))
-def test_a_setting_of_the_table_is_run_recorded_and_replayed(
-    place: OpenPlace, item: str, tmp_path: Path
-) -> None:
+def test_a_setting_of_the_table_is_run_recorded_and_replayed(place, item, tmp_path):
     (tmp_path / "lab.toml").write_text(SHORT)
     sets = [*place.needs, item]
     config = load_config(tmp_path / "lab.toml", environ={}, sets=sets).config

@@ -59,9 +59,7 @@ PART = "part='tega_load.members:open_part', " + RECORDS
         ("Marker(t_ns=contact.t_ns, text=3, source='load')", ""),
     ],
 )
-def test_a_record_that_cannot_be_recorded_costs_itself_only(
-    install: Install, tmp_path: Path, caplog: pytest.LogCaptureFixture, published: str, named: str
-) -> None:
+def test_a_record_that_cannot_be_recorded_costs_itself_only(install, tmp_path, caplog, published, named):
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     install(PART, PUBLISHES.format(record=published))
     summary, counts = run(tmp_path)
@@ -78,9 +76,7 @@ def test_a_record_that_cannot_be_recorded_costs_itself_only(
 @pytest.mark.slow
 @pytest.mark.parametrize("hook", ["end", "ended", "summary", "notes", "finish", "displayed"])
 @pytest.mark.parametrize("does", ["raises", "rubbish"])
-def test_a_part_that_fails_at_the_end_costs_itself_only(
-    install: Install, tmp_path: Path, hook: str, does: str
-) -> None:
+def test_a_part_that_fails_at_the_end_costs_itself_only(install, tmp_path, hook, does):
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     body = {
         "raises": "raise ValueError('boom')",
@@ -123,9 +119,7 @@ def test_a_part_does_not_replace_what_the_summary_has(install: Install) -> None:
         ("None", "feature 'load': alerts: 'load' returned None, not str"),
     ],
 )
-def test_an_alert_that_fails_stops_the_run_with_the_feature_s_name(
-    install: Install, tmp_path: Path, body: str, named: str
-) -> None:
+def test_an_alert_that_fails_stops_the_run_with_the_feature_s_name(install, tmp_path, body, named):
     install(PART, f"LoadPart.alerts = lambda self: {{'load': lambda: {body}}}")
     with pytest.raises(FeatureError) as stopped:
         run(tmp_path)

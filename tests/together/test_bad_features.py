@@ -77,9 +77,7 @@ def record(topic: str, fields: str = "t_ns: Ns", name: str = "Odd", more: str = 
         (RECORDS, record("/odd", "held: Table"), "field held has the type"),
     ],
 )  # fmt: skip
-def test_a_bad_declaration_is_left_out_and_named(
-    install: Install, members: str, code: str, named: str
-) -> None:
+def test_a_bad_declaration_is_left_out_and_named(install, members, code, named):
     install(members, code)
     assert "records" not in members or len(types.record_types()) > 20
     assert named in left_out()
@@ -205,9 +203,7 @@ def test_a_panel_that_fails_is_left_out_once(install: Install) -> None:
 
 
 @pytest.mark.parametrize("option", ["--out", "--fps"])  # of the command itself, and of LeRobot's format
-def test_a_format_with_an_option_that_is_taken_is_left_out(
-    install: Install, option: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_format_with_an_option_that_is_taken_is_left_out(install, option, capsys):
     code = "from tega.ui.cli.export_format import ExportFormat\n"
     code += f"ODD = ExportFormat((click.Option([{option!r}]),), print)"
     install("formats={'odd': 'tega_load.members:ODD'}", code)
@@ -217,9 +213,7 @@ def test_a_format_with_an_option_that_is_taken_is_left_out(
 
 
 @pytest.mark.parametrize("verb", ["load", "emg load"])
-def test_an_error_in_a_verb_names_its_package(
-    install: Install, verb: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_error_in_a_verb_names_its_package(install, verb, capsys):
     install(
         f"verbs={{{verb!r}: Verb('tega_load.members:verb', 'Loads.', 'Examine')}}",
         "@click.command()\ndef verb(): click.open_file(None)",
@@ -228,9 +222,7 @@ def test_an_error_in_a_verb_names_its_package(
     assert "report it to the authors of tega-load" in err
 
 
-def test_help_imports_no_verb_and_a_bad_one_is_named(
-    install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_help_imports_no_verb_and_a_bad_one_is_named(install, capsys):
     install("verbs={'emg load': Verb('tega_load.members:odd', 'Loads it all.')}", "odd = 'text'")
     assert "Loads it all." in call(capsys, "emg", "--help")[0]
     assert "tega_load.members" not in sys.modules
@@ -238,9 +230,7 @@ def test_help_imports_no_verb_and_a_bad_one_is_named(
     assert "'load': tega_load.members:odd is 'text', not a click command" in err
 
 
-def test_a_bad_format_is_named_and_the_tables_are_there(
-    install: Install, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_bad_format_is_named_and_the_tables_are_there(install, capsys):
     install("formats={'loads': 'tega_load.members:odd'}", "odd = 'text'")
     _, err = call(capsys, "recording", "export", "--help")
     assert "format 'loads' is left out: feature 'load': tega_load.members:odd" in err

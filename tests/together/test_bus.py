@@ -54,9 +54,7 @@ def test_nobody_makes_a_record_that_nobody_wants() -> None:
     assert ([snapshot.view for snapshot in displayed], recorded) == ([view], [])
 
 
-def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
+def test_who_fails_is_told_of_once_and_left_out_and_the_others_go_on(caplog):
     bus, reported = Bus(), list[int]()
 
     def fails(record: RunState) -> None:
@@ -134,9 +132,7 @@ def test_a_run_whose_onlookers_fail_does_and_records_the_same(tmp_path: Path) ->
     assert replay_file(tmp_path / "session" / summary["recording"]["file"]).same
 
 
-def test_a_recorder_that_fails_is_told_and_ends_no_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_recorder_that_fails_is_told_and_ends_no_run(tmp_path, monkeypatch):
     from tega.recording.record_channels import McapFile
 
     original, files = McapFile.write, set[McapFile]()

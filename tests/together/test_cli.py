@@ -89,9 +89,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
         (["devices", "--fast"], "--fast"),
     ],
 )
-def test_wrong_use_ends_with_code_2(
-    capsys: pytest.CaptureFixture[str], words: list[str], message: str
-) -> None:
+def test_wrong_use_ends_with_code_2(capsys, words, message):
     _, err = call(capsys, *words, code=2)
     assert message in err
 
@@ -210,9 +208,7 @@ def test_a_setting_of_another_table_is_suggested_whole(item: str, key: str) -> N
     assert refused.value.hint == f"did you mean '{key}'?"
 
 
-def test_numbers_of_the_settings_have_no_rounding_noise(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_numbers_of_the_settings_have_no_rounding_noise(tmp_path, capsys):
     file = tmp_path / "lab.toml"
     file.write_text("[session]\nduration_s = 5.9999999999999995e-5\n[vest]\nthreshold = 30.000000000000004\n")
     out, _ = call(capsys, "config", "show", file, "--changed")
@@ -220,9 +216,7 @@ def test_numbers_of_the_settings_have_no_rounding_noise(
 
 
 @pytest.mark.parametrize("verb", ["play", "verify"])
-def test_a_folder_of_tables_is_no_recording(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, verb: str
-) -> None:
+def test_a_folder_of_tables_is_no_recording(tmp_path, capsys, monkeypatch, verb):
     folder = tmp_path / "results"
     folder.mkdir()
     (folder / "vest.csv").write_text("t_s\n")
@@ -234,9 +228,7 @@ def test_a_folder_of_tables_is_no_recording(
 
 
 @pytest.mark.parametrize("name", ["x.xyz", "x", "x.svg"])
-def test_a_picture_that_is_no_png_is_refused_before_the_work(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
-) -> None:
+def test_a_picture_that_is_no_png_is_refused_before_the_work(tmp_path, capsys, name):
     for verb in ("audit", "verify", "replay"):
         _, err = call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)
         assert "name it x.png" in err
@@ -321,9 +313,7 @@ def presses(tmp_path: Path) -> Path:
     return tmp_path / "presses"
 
 
-def test_loose_files_leave_a_picture_and_words(
-    presses: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_loose_files_leave_a_picture_and_words(presses, tmp_path, capsys):
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     out = tmp_path / "out"
     text, _ = call(capsys, "replay", "--tactile", f"thumb={presses}", "--out", out)
@@ -347,9 +337,7 @@ def test_without_matplotlib_there_are_words_and_the_line_that_installs_it(
     assert "[pictures]'" in noted
 
 
-def test_a_session_is_told_and_drawn(
-    lossless: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_session_is_told_and_drawn(lossless, tmp_path, capsys):
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     text, _ = call(capsys, "verify", lossless, "--picture", tmp_path / "verify.png")
     assert "  thumb: " in text

@@ -59,9 +59,7 @@ def test_each_layer_overrides_the_one_below(settings: Path) -> None:
     assert loaded.values["vest.rate_hz"] == (30.0, "default")
 
 
-def test_relative_paths_belong_to_whoever_wrote_them(
-    settings: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_relative_paths_belong_to_whoever_wrote_them(settings, tmp_path, monkeypatch):
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
@@ -127,9 +125,7 @@ def test_mistakes_are_named(settings: Path, override: str, message: str) -> None
         ('driver = "images"\n', "", "7: tactile.index.driver: missing"),  # the first line of its table
     ],
 )
-def test_a_mistake_in_the_file_names_file_and_line(
-    settings: Path, written: str, instead: str, message: str
-) -> None:
+def test_a_mistake_in_the_file_names_file_and_line(settings, written, instead, message):
     settings.write_text(SETTINGS.replace(written, instead))
     with pytest.raises(ConfigError, match=f"^session.toml:{message}"):
         load_config(settings, environ={})

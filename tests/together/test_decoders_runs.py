@@ -50,9 +50,7 @@ def tracked(folder: Path, names: tuple[str, ...], rate_hz: float, seconds: float
     return record
 
 
-def test_tracking_teaches_a_decoder_that_a_run_uses_and_a_replay_repeats(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tracking_teaches_a_decoder_that_a_run_uses_and_a_replay_repeats(tmp_path, capsys):
     settings = tree(tmp_path / "rec")
     del settings["tactile"]
     settings["stages"] = {
@@ -90,9 +88,7 @@ def test_a_tracked_curve_without_emg_is_told(tmp_path: Path) -> None:
         read_tracked(record)
 
 
-def test_decoders_are_compared_on_what_a_person_practised(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_decoders_are_compared_on_what_a_person_practised(tmp_path, capsys):
     record = tracked(tmp_path, ("a", "b", "c"), 200.0, 90.0)  # rest and effort in both halves
     assert teleop("emg", "compare", str(record), "--decoders", "rules,learned", "--json") == 0
     rows = json.loads(capsys.readouterr().out)

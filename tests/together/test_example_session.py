@@ -27,9 +27,7 @@ def test_the_example_is_small_enough_to_be_kept() -> None:
     assert sum(file.stat().st_size for file in EXAMPLE.iterdir()) < MOST_BYTES
 
 
-def test_the_example_is_looked_into_and_computed_again(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_example_is_looked_into_and_computed_again(capsys, tmp_path):
     (trial,) = json.loads(reported(capsys, "inspect", EXAMPLE, "--json"))
     topics = {stream["topic"] for stream in trial["streams"]}
     assert {f"/tactile/{finger}/image" for finger in FINGERS} | {"/emg/samples", "/vest/frame"} <= topics
@@ -42,9 +40,7 @@ def test_the_example_is_looked_into_and_computed_again(
 
 
 @pytest.mark.slow
-def test_a_recorded_demo_is_the_same_when_computed_again(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_recorded_demo_is_the_same_when_computed_again(capsys, tmp_path):
     pytest.importorskip("mujoco", reason="needs the extra sim")
     session = tmp_path / "session"
     words = ("--fast", "--objects", "bag", "--operator", "scripted", "--out", tmp_path / "demo")

@@ -112,9 +112,7 @@ def test_a_viewer_hears_contacts_vest_and_pictures_as_they_come() -> None:
         ({"Host": "evil.example:8765"}, False),
     ],
 )
-def test_pages_of_other_sites_are_refused(
-    stream: FoxgloveStream, headers: dict[str, str], is_served: bool
-) -> None:
+def test_pages_of_other_sites_are_refused(stream, headers, is_served):
     fields = {"Host": stream.url.removeprefix("ws://"), **headers}
     with socket.create_connection(place(stream), timeout=10) as peer:
         peer.sendall(
@@ -135,9 +133,7 @@ def test_the_server_itself_is_at_no_address_that_a_page_would_try(stream: Foxglo
         assert address.startswith("127.")
 
 
-def test_a_client_that_says_nothing_or_too_much_is_dropped(
-    stream: FoxgloveStream, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_that_says_nothing_or_too_much_is_dropped(stream, monkeypatch):
     monkeypatch.setattr(same_machine, "_HEAD_S", 0.2)
     with socket.create_connection(place(stream), timeout=10) as silent:
         assert silent.recv(100) == b""

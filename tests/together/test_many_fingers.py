@@ -57,9 +57,7 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / str(summary["recording"]["file"])
 
 
-def test_every_finger_is_recorded_computed_again_bit_for_bit_and_exported(
-    recorded: Path, tmp_path: Path
-) -> None:
+def test_every_finger_is_recorded_computed_again_bit_for_bit_and_exported(recorded, tmp_path):
     contacts = read_recorded(recorded, Contact, Picture).contacts
     assert sorted(contacts) == NAMES
     assert all(any(contact.front > 0 for contact in rows) for rows in contacts.values())

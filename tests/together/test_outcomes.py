@@ -45,9 +45,7 @@ def twice(t_s: float) -> float:
         (ramp(5, 8, 0.1999), None, False, False),
     ],
 )
-def test_both_readings_of_a_stable_second(
-    height_m: Height, held_s: tuple[float, float] | None, begun: bool, complete: bool
-) -> None:
+def test_both_readings_of_a_stable_second(height_m, held_s, begun, complete):
     for stable, lifted in (("begun", begun), ("complete", complete)):
         rule = LiftRule(stable=stable)  # type: ignore[arg-type]
         for tenth in range(201):

@@ -180,9 +180,7 @@ def test_a_device_that_cannot_be_opened_is_the_error_of_the_with_statement(tmp_p
         pytest.fail("the block was entered")
 
 
-def test_settings_are_read_from_a_file_and_a_session_is_used_once_in_a_with_statement(
-    tmp_path: Path,
-) -> None:
+def test_settings_are_read_from_a_file_and_a_session_is_used_once_in_a_with_statement(tmp_path):
     path = tmp_path / "lab.toml"
     path.write_text(
         '[session]\npace = "fast"\n[tactile.thumb]\ndriver = "synthetic-touch"\noptions = { duration_s = 0.5 }\n'

@@ -194,9 +194,7 @@ def has_effect(group: str, kind: Any, name: str, context: Context) -> bool:
 @pytest.mark.parametrize(
     ("stage", "name"), OPTIONS, ids=[f"{stage.group}-{stage.name}-{name}" for stage, name in OPTIONS]
 )
-def test_an_option_changes_what_its_stage_returns(
-    stage: StageRecord, name: str, context_of: Callable[[StageRecord], Context]
-) -> None:
+def test_an_option_changes_what_its_stage_returns(stage, name, context_of):
     kind: Any = stage_class(stage.group, stage.name)  # type: ignore[arg-type]
     assert has_effect(stage.group, kind, name, context_of(stage)), (
         f"{stage.group} {stage.name}: no two values of {name} change what the stage returns"

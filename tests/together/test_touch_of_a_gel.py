@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -82,9 +81,7 @@ def test_a_calibration_file_keeps_what_is_known_of_the_gel() -> None:
     assert parse_calibration(old, "old.toml").tactile["thumb"] == TouchMaxima(cci_max=1.0, eda_max=9000.0)
 
 
-def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_the_rest_is_used(
-    tmp_path: Path,
-) -> None:
+def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_the_rest_is_used(tmp_path):
     frames, baseline = gel_frames(3, held=False)
     noise = (1.5, 0.8, 1.25)
     plain = TouchMaxima(cci_max=1.0, eda_max=9000.0, noise_counts=noise)

@@ -260,9 +260,7 @@ def test_a_contact_that_jitters_about_a_border_keeps_its_name() -> None:
 
 
 @pytest.mark.parametrize(("kind", "off"), [("lossless", 0.0), ("recording", 0.1)])
-def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline(
-    request: pytest.FixtureRequest, kind: str, off: float
-) -> None:
+def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline(request, kind, off):
     path: Path = request.getfixturevalue(kind)
     found = recorded_picture(path.parent)
     assert found is not None
@@ -277,9 +275,7 @@ def test_fig_3_of_a_recording_has_the_recorded_numbers_and_the_loops_own_outline
     assert outlined == pytest.approx(contact.eda, rel=off)
 
 
-def test_metrics_are_made_before_the_session_s_clock_starts(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_metrics_are_made_before_the_session_s_clock_starts(tmp_path, monkeypatch):
     # One that looks for principal components for a second would else begin the run a second late.
     order: list[str] = []
     for owner, name in ((run, "_metric"), (Pacer, "start")):
