@@ -95,7 +95,7 @@ arm64: ## the crates' tests on an emulated arm64 processor, NEON kernels include
 
 wheels: ## Linux wheels for x86-64 and arm64, each tried in an environment of its own; then the examples with the first
 	PYTHON=$(PYTHON) .ci/wheels
-	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -k contract tests/docs/test_own_stage.py
+	TEGA_WHEEL=$$(echo dist/tega-*x86_64.whl) $(BIN)/python -m pytest -n0 -q -k contract tests/docs/test_own_packages.py
 
 site: ## all pages with search, commands, settings and Python, into target/site; needs the extra docs, no network
 	PYTHONPATH=$(TOOLS) \

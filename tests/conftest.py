@@ -57,7 +57,7 @@ FIRST: Final = (
     "test_hostile_names.py",
     "test_arm.py",
     "test_play_streams.py",
-    "test_recording_trim.py",
+    "test_recording_remade.py",
 )
 
 

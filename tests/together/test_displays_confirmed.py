@@ -1,28 +1,35 @@
-"""Terminal and page show what was confirmed: each state of a real emulated run is compared with its recording."""
+"""Terminal and page show what was confirmed, and alerts: each state of a run is compared with its recording."""
 
 from __future__ import annotations
 
 import html
 import io
+import os
 import re
+import signal
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from itertools import cycle
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
 
 import pytest
 from rich.console import Console
 
-from hazards.bench import lab
+from hazards.bench import Lab, lab
 from reference.parts import Running, observed
-from reference.processes import until
+from reference.processes import begun_by, until
 from reference.sessions import Recorded, read_recorded
 from tega.config import check_tree
-from tega.errors import DeviceUnavailableError
+from tega.errors import DeviceUnavailableError, RecordingError
+from tega.loop import rig
 from tega.loop.snapshot import LoopView
+from tega.recording.mcap_reader import McapReader
 from tega.records import HandCommand, Intent, Joints, SentFrame, VestFrame
 from tega.records.outputs import VestRecord
 from tega.runtime.clock import PausableClock
+from tega.ui.cli.report import echo_summary
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.browser.vest import vest_svg
@@ -185,3 +192,63 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
     check(last, recorded)
     check(moments[-1], recorded)
     assert last.page["vest"].startswith("computed, no vest connected")
+
+
+def recorded(summary: dict[str, Any], folder: Path) -> list[str]:
+    """Return what the alerts in a run's recording say."""
+    file = folder / str(summary["recording"]["file"])
+    return [one.value.said for one in McapReader(file).messages() if one.schema == "tega.Alert"]
+
+
+def disturbed(made: Lab, folder: Path, disturb: Callable[[], None], words: str) -> None:
+    """Disturb an active run until its display has an alert; the recording has it, too."""
+    with made.session():
+        made.until(lambda: made.state == "active")
+        disturb()
+        made.until(lambda: words in made.said())
+    assert any(words in text for text in recorded(made.summary, folder))
+
+
+@pytest.mark.raises("clock")
+def test_a_clock_that_is_set_is_an_alert(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    ahead_ns = [0]
+    clock = SimpleNamespace(monotonic_ns=time.monotonic_ns, time_ns=lambda: time.time_ns() + ahead_ns[0])
+    monkeypatch.setattr(rig, "time", clock)
+    with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made:
+
+        def set_it() -> None:
+            ahead_ns[0] = 90 * 10**9
+
+        disturbed(made, tmp_path / "recorded", set_it, "the time of day jumped by +90.0 s")
+
+
+@pytest.mark.raises("latency")
+def test_a_latency_over_its_budget_is_an_alert(tmp_path: Path) -> None:
+    recording = {"dir": str(tmp_path / "recorded")}
+    with lab(tmp_path, emg=True, vest=True, fingers=("thumb",), recording=recording) as made:
+        made.tree["safety"] |= {"latency_budget_ms": 0.001}
+        presses = cycle(["press 0", "press 0.7"])
+        with made.session():
+            made.until(lambda: made.state == "active")
+
+            def reported() -> bool:
+                made.sensors["thumb"].say(next(presses))
+                time.sleep(0.4)
+                return "ms are allowed" in made.said()
+
+            made.until(reported)
+        assert any("ms are allowed" in text for text in recorded(made.summary, tmp_path / "recorded"))
+
+
+@pytest.mark.raises("recording")
+def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
+    with lab(tmp_path, emg=True, recording={"dir": str(tmp_path / "recorded")}) as made, made.session():
+        made.until(lambda: made.state == "active")
+        (pid,) = begun_by(os.getpid(), "tega.recording.recorder_program")
+        os.kill(pid, signal.SIGKILL)
+        made.until(lambda: "recorder's process ended" in made.said())
+    # The file ended before it; the summary has it.
+    assert any("recorder's process ended" in text for text in made.summary["safety"]["alerts"])
+    # A script that started the run sees it by the exit code.
+    with pytest.raises(RecordingError, match=r"recording stopped after .* s: "):
+        echo_summary(made.summary, wall_s=1.0, as_json=False)

@@ -1,4 +1,4 @@
-"""The live EMG drivers against their emulators: exact samples, and every fault with its outcome."""
+"""The live EMG drivers against their emulators: exact samples, what each board receives, every fault's outcome."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import time
 import pytest
 
 from reference.emg_boards import CASES, PATIENCE_S, chunks_of, emulator, error_of, opened, phases, refused
+from tega.devices.base import EmgChunk
 from tega.devices.emg import live_emg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
 from tega.errors import DeviceUnavailableError, SampleRateError
@@ -20,6 +21,12 @@ COUNTED = ("cyton", "chords")
 TRANSPORTS = ("cyton", "lsl-emg")
 
 
+def assert_exact(name: str, chunks: list[EmgChunk]) -> None:
+    phase, exact = phases(name, chunks)
+    assert exact.all()
+    assert (phase == phase[0]).all()
+
+
 @pytest.mark.parametrize("name", sorted(CASES))
 def test_samples_are_exact_and_none_is_lost(name: str) -> None:
     n_samples = 3000 if name == "spiker" else 250  # about a second of each
@@ -27,12 +34,9 @@ def test_samples_are_exact_and_none_is_lost(name: str) -> None:
         chunks = chunks_of(source, n_samples)
         assert source.info.label not in {"", device.port if name != "lsl-emg" else ""}
         assert source.measured_hz == pytest.approx(source.info.rate_hz, rel=0.1)
-    phase, exact = phases(name, chunks)
-    assert exact.all()
-    assert (phase == phase[0]).all()
+    assert_exact(name, chunks)
     assert chunks[0].first_index == 0
     assert all(0 < chunk.t_ns <= time.monotonic_ns() for chunk in chunks)
-    # The channels that were not asked for are not in it.
     assert chunks[0].samples.shape[1] == 3
 
 
@@ -43,9 +47,7 @@ def test_what_waited_before_the_first_read_is_neither_delivered_nor_called_lost(
         called_ns = time.monotonic_ns()
         chunks = chunks_of(source, 100)
         assert not [note for note in source.info.notes if "lost" in note]
-    phase, exact = phases(name, chunks)
-    assert exact.all()
-    assert (phase == phase[0]).all()
+    assert_exact(name, chunks)
     assert chunks[0].first_index == 0
     assert chunks[-1].t_ns > called_ns
 
@@ -93,14 +95,16 @@ def test_a_device_that_is_unplugged_is_lost_and_comes_back_when_opened_again(nam
             assert chunks_of(source, 20)[0].first_index == 0
 
 
-@pytest.mark.parametrize("name", COUNTED)
+@pytest.mark.parametrize("name", [*COUNTED, "spiker"])
 def test_a_board_that_restarts_under_an_open_port_stops_and_starts_when_opened_again(name: str) -> None:
     with emulator(name) as device, opened(name, device, silence_s=1.0) as source:
-        chunks_of(source, 20)
+        chunks_of(source, 250 if name == "spiker" else 20)
         device.say("reset")
-        assert "sent no valid sample" in error_of(source).message
+        message = error_of(source).message
+        assert "sent no valid sample for 1 s" in message
+        assert name != "spiker" or "frames among them" in message
         source.open()
-        assert len(chunks_of(source, 20))
+        assert len(chunks_of(source, 250 if name == "spiker" else 20))
 
 
 @pytest.mark.parametrize("name", ["cyton", "lsl-emg"])
@@ -174,9 +178,42 @@ def test_a_board_left_streaming_by_a_crash_is_silenced_first() -> None:
     assert received.endswith(b"b")
 
 
-def test_a_wrong_baud_rate_is_suspected() -> None:
-    text = r"no valid sample for 1 s; .*check power, cable and baud"
-    refused(text, "serial-emg", "--baud", "57600", start_s=1.0)
+@pytest.mark.parametrize(
+    ("name", "arguments", "options", "text"),
+    [
+        (
+            "cyton",
+            "--board-off",
+            {},
+            "the dongle answers, the board does not: 'Failure: Communications timeout",
+        ),
+        (
+            "cyton",
+            "--firmware v1.0.0",
+            {},
+            r"channel 1 was not confirmed: .* \(firmware v1.0.0\) did not answer",
+        ),
+        ("cyton", "--fault freeze=1", {}, "nothing answers"),
+        ("spiker", "--deaf", {"start_s": 1.0}, "sends 1 channels, 3 are asked for"),
+        ("spiker", "--deaf --channels 2", {"start_s": 1.0}, "sends 2 channels, 3 are asked for"),
+        ("spiker", "--fault freeze=1", {"start_s": 1.0}, "sends no frames of a SpikerShield"),
+        ("spiker", "--fault garbage=1", {"start_s": 1.0}, "sends no frames of a SpikerShield"),
+        (
+            "serial-emg",
+            "--baud 57600",
+            {"start_s": 1.0},
+            r"no valid sample for 1 s; .*check power, cable and baud",
+        ),
+        (
+            "serial-emg",
+            "--channels 2 --stamp",
+            {"leading": 1, "start_s": 0.5},
+            r"a line of 4 numbers was expected, the last one was '\d+,\d+,\d+'",
+        ),
+    ],
+)
+def test_a_board_that_cannot_be_used_is_refused(name, arguments, options, text):
+    refused(text, name, *arguments.split(), **options)
 
 
 def test_ports_that_do_not_open_say_why() -> None:
@@ -194,3 +231,66 @@ def test_opening_on_a_machine_that_is_never_still_ends(monkeypatch: pytest.Monke
     monkeypatch.setattr(live_emg, "_LOOKED_AWAY_S", 0.0)
     monkeypatch.setattr(live_emg, "_MOST_MEASURING_S", 0.1)
     refused(r"too busy for .* s to measure the sample rate", "serial-emg", start_s=0.2)
+
+
+def test_chords_boards_are_known_by_name_and_channels_by_the_stream() -> None:
+    with emulator("chords", "--name", "UNO-R4", "--channels", "6", "--bits", "14") as device:
+        with opened("chords", device, channels=(2, 5)) as source:
+            info = source.info
+        assert (info.rate_hz, info.channels) == (500.0, ("ch2", "ch5"))
+        with pytest.raises(DeviceUnavailableError, match=r"has 6 channels, asked for \[2, 7\]"):
+            opened("chords", device, channels=(2, 7)).open()
+    with emulator("chords", "--name", "MYSTERY", "--rate", "400") as device:
+        with pytest.raises(DeviceUnavailableError, match="says it is 'MYSTERY', which is not known here"):
+            opened("chords", device).open()
+        with opened("chords", device, rate_hz=400.0) as source:
+            assert source.info.rate_hz == 400.0
+
+
+@pytest.mark.parametrize("generation", ["2024", "2026"])
+def test_chords_boards_of_both_generations_are_found_at_either_speed(generation: str) -> None:
+    # As the sketches of UNO clones: 115200 baud is the second that is tried.
+    board = ("--name", "UNO-CLONE", "--rate", "250", "--bits", "10", "--channels", "6", "--baud", "115200")
+    with emulator("chords", "--generation", generation, *board) as device:
+        for _ in range(2):  # the second time with the stop of the first one still unheard
+            with opened("chords", device) as source:
+                assert source.info.rate_hz == 250.0
+                assert sum(len(chunk.samples) for chunk in chunks_of(source, 50)) >= 50
+
+
+@pytest.mark.parametrize("generation", ["2024", "2026"])
+def test_a_chords_board_left_streaming_by_a_crash_is_asked_again(generation: str) -> None:
+    with emulator("chords", "--generation", generation) as device:
+        crash = "import os, sys\nfrom tega.devices.emg.chords import Chords, ChordsOptions\n"
+        crash += "Chords(ChordsOptions(port=sys.argv[1], measure_s=0.3)).open()\nos._exit(3)\n"
+        assert subprocess.run([sys.executable, "-c", crash, device.port], check=False).returncode == 3
+        with opened("chords", device) as source:
+            chunks_of(source, 50)
+
+
+@pytest.mark.parametrize("columns", [1, 2, 6])
+def test_a_spikershield_sends_as_many_channels_as_it_is_told(columns: int) -> None:
+    with emulator("spiker") as device, opened("spiker", device, columns=columns) as source:
+        chunks = chunks_of(source, 250)
+        rate_hz = source.info.rate_hz
+        received = bytes.fromhex(device.say("heard")["heard"])
+    assert_exact("spiker", chunks)
+    assert chunks[0].samples.shape[1] == columns
+    assert rate_hz == pytest.approx(2e6 / 199 / columns)
+    assert set(received.splitlines()) == {f"c:{columns};".encode()}
+
+
+def test_a_stamp_before_the_samples_is_dropped() -> None:
+    with (
+        Emulator("ascii_board", "--stamp", "--banner", "MyoWare 2.0") as device,
+        opened("serial-emg", device, leading=1) as source,
+    ):
+        assert_exact("serial-emg", chunks_of(source, 100))
+
+
+def test_an_irregular_stream_needs_its_rate_told() -> None:
+    with Emulator("lsl", "--stated-rate", "0") as device:
+        with pytest.raises(DeviceUnavailableError, match=r"states no sample rate; set rate_hz"):
+            opened("lsl-emg", device).open()
+        with opened("lsl-emg", device, rate_hz=500.0) as source:
+            assert source.info.rate_hz == 500.0

@@ -1,4 +1,4 @@
-"""Stages and drivers of one's own: example packages, installed as anybody's, through the contract and in a run."""
+"""Stages, drivers and a feature of one's own: example packages, through the contract and in runs."""
 
 from __future__ import annotations
 
@@ -6,15 +6,17 @@ import importlib.util
 import json
 import os
 import shutil
+import socket
 import subprocess
 import sys
 import venv
 from importlib.metadata import distributions
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import pytest
 
+from reference.installed import distribution, own_feature, python
 from tega.setup.contract import check_driver, check_stage
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -77,15 +79,8 @@ STAGES: dict[str, dict[str, Any]] = {
 }
 
 
-class Installed(NamedTuple):
-    """A fresh environment with the examples in it, and nothing else of its own."""
-
-    python: Path
-    site: Path
-
-
 @pytest.fixture(scope="module")
-def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
+def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Install copies of the examples into a fresh environment, as anybody would.
 
     With ``TEGA_WHEEL`` (``make wheels`` sets it) TEGA is that wheel, and all else comes from the package index.
@@ -109,7 +104,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Installed:
     assert done.returncode == 0, done.stderr
     for name in EXAMPLES:
         assert any(site.glob(f"{name}-*.dist-info")), "installed somewhere else"
-    return Installed(python, site)
+    return python
 
 
 def _copied(name: str, folder: Path) -> Path:
@@ -149,36 +144,36 @@ def run(*words: str, python: Path | None = None, cwd: Path | None = None) -> sub
 
 
 @pytest.mark.slow
-def test_the_examples_pass_the_contract_and_are_listed(installed: Installed) -> None:
-    done = run("-m", "tega.setup.contract", *EXAMPLES.values(), python=installed.python)
+def test_the_examples_pass_the_contract_and_are_listed(fresh: Path) -> None:
+    done = run("-m", "tega.setup.contract", *EXAMPLES.values(), python=fresh)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
-    listed = json.loads(run("-m", "tega.ui.cli", "stages", "--json", python=installed.python).stdout)
+    listed = json.loads(run("-m", "tega.ui.cli", "stages", "--json", python=fresh).stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run("-m", "tega.setup.contract", "one-channel", "--set", "rest=0.9", python=installed.python)
+    done = run("-m", "tega.setup.contract", "one-channel", "--set", "rest=0.9", python=fresh)
     assert done.returncode == 2, done.stdout
     assert "a rest below full" in done.stdout
 
 
 @pytest.mark.slow
-def test_the_driver_s_template_passes_the_contract_and_is_listed(installed: Installed) -> None:
-    done = run("-m", "tega.setup.contract", "own-emg", "own-vest", python=installed.python)
+def test_the_driver_s_template_passes_the_contract_and_is_listed(fresh: Path) -> None:
+    done = run("-m", "tega.setup.contract", "own-emg", "own-vest", python=fresh)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", "own-emg"], ["ok", "own-vest"]]
-    listed = run("-m", "tega.ui.cli", "devices", python=installed.python)
+    listed = run("-m", "tega.ui.cli", "devices", python=fresh)
     assert "own-emg" in listed.stdout
     assert "template of a vest" in listed.stdout
-    done = run("-m", "tega.setup.contract", "own-emg", "--set", "port=broken", python=installed.python)
+    done = run("-m", "tega.setup.contract", "own-emg", "--set", "port=broken", python=fresh)
     assert done.returncode == 2
     assert "is it switched on?" in done.stdout
 
 
 @pytest.mark.slow
-def test_the_examples_run_on_emulated_devices_and_are_recorded(installed: Installed, tmp_path: Path) -> None:
+def test_the_examples_run_on_emulated_devices_and_are_recorded(fresh: Path, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
-    done = run("-c", RUN, str(tmp_path), json.dumps(STAGES), python=installed.python)
+    done = run("-c", RUN, str(tmp_path), json.dumps(STAGES), python=fresh)
     assert done.returncode == 0, done.stderr
     reported = json.loads(done.stdout.splitlines()[-1])
     assert [row[:2] for row in reported["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
@@ -234,3 +229,101 @@ def test_the_contract_finds_what_is_wrong(file, name, right, wrong, rule, tmp_pa
     made: Any = getattr(module, name)
     with pytest.raises(AssertionError, match=rule):
         check_driver(made, made.options_type()) if part else check_stage(made)
+
+
+LAB = """
+[session]
+pace = "fast"
+duration_s = 6.0
+[tactile.thumb]
+driver = "synthetic-touch"
+[tactile.index]
+driver = "synthetic-touch"
+[grip]
+firm_from = {firm_from}
+[recording]
+dir = "recorded"
+lossless = true
+stop_free_mib = 0.0
+"""
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return own_feature(tmp_path_factory.mktemp("site"))
+
+
+def tega(site: Path, folder: Path, *words: str, code: int = 0) -> str:
+    return "".join(python("-m", "tega.ui.cli", *words, site=site, folder=folder, code=code))
+
+
+@pytest.mark.slow
+def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path) -> None:
+    pytest.importorskip("foxglove", reason="needs the extra tega[record]")
+    (tmp_path / "lab.toml").write_text(LAB.format(firm_from=2))
+    assert "grip" in tega(installed, tmp_path, "--help")
+    displayed = tega(installed, tmp_path, "config", "show", "lab.toml")
+    assert ["grip.firm_from", "2", "lab.toml:10"] in [line.split() for line in displayed.splitlines()]
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as listener:
+        listener.bind(("127.0.0.1", 9100))
+        printed = tega(installed, tmp_path, "run", "lab.toml", "--stream", "grips", "--json")
+        assert listener.recv(64).decode().strip() in {"0", "1", "2"}
+    summary, _ = json.JSONDecoder().raw_decode(printed)
+    file = Path("recorded") / summary["recording"]["file"]
+    firm = summary["grip"]["firm"]
+    assert firm > 0
+    assert f"{firm} firm grips" in tega(installed, tmp_path, "grip", str(file))
+    inspected = tega(installed, tmp_path, "recording", "inspect", str(file))
+    assert "/grip" in inspected
+    assert "not installed here" not in tega(installed, tmp_path, "verify", str(file))
+    assert "recorded with the feature 'grip', which is not installed" in tega(
+        tmp_path, tmp_path, "verify", str(file)
+    )
+    words = ("recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap")
+    tega(installed, tmp_path, *words)
+    assert "/grip" in tega(installed, tmp_path, "recording", "inspect", "part.mcap")
+    export = ("recording", "export", str(file), "--format", "grips", "--out", "grips", "--firm-only")
+    tega(installed, tmp_path, *export)
+    rows = (tmp_path / "grips" / f"{file.stem}-grips.csv").read_text().splitlines()
+    assert rows[0] == "t_s,fingers"
+    assert {row.split(",")[1] for row in rows[1:]} == {"2"}
+    (tmp_path / "to.toml").write_text('session.out_dir = "played"\n[grip]\nfirm_from = 2\n')
+    played, _ = json.JSONDecoder().raw_decode(
+        tega(installed, tmp_path, "play", str(file), "--to", "to.toml", "--speed", "max", "--json")
+    )
+    assert played["grip"]["firm"] == firm
+    tega(installed, tmp_path, "recording", "export", str(file), "--out", "tables")
+    assert any("grip" in path.name for path in (tmp_path / "tables").iterdir())
+
+
+@pytest.mark.slow
+def test_its_check_speaks_in_doctor_and_its_table_is_checked(installed: Path, tmp_path: Path) -> None:
+    (tmp_path / "lab.toml").write_text(LAB.format(firm_from=3))
+    message = tega(installed, tmp_path, "doctor", "lab.toml", code=3)
+    assert "no grip is ever firm" in " ".join(message.split())  # doctor breaks lines
+    (tmp_path / "lab.toml").write_text(LAB.format(firm_from=5))
+    message = tega(installed, tmp_path, "config", "check", "lab.toml", code=1)
+    assert "lab.toml:10: grip.firm_from = 5" in message
+
+
+def test_its_row_is_on_page_and_terminal(installed: Path) -> None:
+    program = """
+from own_feature.records import Grip
+from tega.records.bus import Bus
+from tega.records.display import DisplayRows
+bus = Bus()
+rows = DisplayRows(bus, "test")
+bus.publish(Grip(t_ns=0, fingers=2, firm=True))
+print(rows())
+"""
+    printed, _ = python("-c", program, site=installed, folder=installed)
+    assert printed.strip() == "{'grip': '2 fingers, firm'}"
+
+
+def test_a_feature_that_fails_to_load_is_named_and_the_rest_works(tmp_path: Path) -> None:
+    distribution(tmp_path, "broken-feature", "[tega.features]\nbroken = broken_feature:FEATURE\n")
+    (tmp_path / "broken_feature.py").write_text("import a_package_that_is_missing\n")
+    message = tega(tmp_path, tmp_path, "config", "show")
+    assert "feature 'broken' is left out: ModuleNotFoundError" in message
+    assert "pip install a_package_that_is_missing, or remove broken-feature" in message
+    assert "session.preset" in message
