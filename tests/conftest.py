@@ -71,7 +71,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def _files_are_named(config: pytest.Config) -> bool:
-    """Whether files or single tests were asked for, and not the suite or a folder of it."""
     return not all(Path(named).is_dir() for named in config.args)
 
 
@@ -125,7 +124,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def _not_skipped(report: Any, config: pytest.Config) -> Any:
-    """Count what is skipped as failed where nothing may be."""
     if report.skipped and not hasattr(report, "wasxfail") and config.getoption("no_skip"):
         report.outcome, report.longrepr = "failed", f"--no-skip: {report.longrepr}"
     return report
@@ -268,7 +266,6 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def clipped(tmp_path_factory: pytest.TempPathFactory, recording: Path) -> Path:
-    """Return a study whose recorded trials are over; tests take copies."""
     from reference.clipped import clipped_study, planned
 
     return clipped_study(tmp_path_factory.mktemp("clipped") / "study", planned(), recording)

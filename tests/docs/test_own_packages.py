@@ -108,7 +108,6 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def _copied(name: str, folder: Path) -> Path:
-    """Copy an example without what a build has left in it."""
     left = shutil.ignore_patterns("build", "*.egg-info", "__pycache__")
     return Path(shutil.copytree(PROJECT / "examples" / name, folder / name, ignore=left))
 
@@ -178,7 +177,6 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(fresh: Path, tmp_
     reported = json.loads(done.stdout.splitlines()[-1])
     assert [row[:2] for row in reported["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
     assert all(n > 10 for *_, n in reported["more"])
-    # The hand was told closures between the levels, as the decoder gave them.
     assert reported["between"] > 10, reported["range"]
     assert reported["exchanged"] > 100
     assert {tuple(row[:2]) for row in reported["vest"]} == {("sleeve16", 16)}

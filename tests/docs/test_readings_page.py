@@ -47,7 +47,6 @@ def test_the_table_is_the_generated_one() -> None:
 
 
 def check_value(values: Any, item: str) -> None:
-    """Check that the settings have the value of ``key=value``."""
     key, _, message = item.partition("=")
     value = values[key].value
     plain = message.replace("[", "(").replace("]", ")").lower()

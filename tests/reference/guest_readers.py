@@ -64,8 +64,6 @@ _MADE = datetime(2026, 11, 21, 15, 4, 5, tzinfo=UTC)
 
 
 def _file(name: str, write: Callable[[Path], object]) -> Callable[[Path], bytes]:
-    """Return what has a file written in a folder, and returns its bytes."""
-
     def made(folder: Path) -> bytes:
         write(folder / name)
         return (folder / name).read_bytes()

@@ -174,7 +174,6 @@ def mapping_runs(draw: st.DrawFn, kind: Any) -> Run:
 
 @st.composite
 def reflex_runs(draw: st.DrawFn, kind: Any) -> Run:
-    """Return runs of a reflex on the lift's contacts, with values that a metric may measure beside them."""
     lift = recorded_lift()
     names = draw(st.sampled_from([(), ("incipient",), ("slip_mm_s",), ("incipient", "slip_mm_s")]))
     most = draw(st.floats(0.2, 20))

@@ -32,7 +32,6 @@ _BLOCK = re.compile(
 
 
 def blocks_of(page: Path) -> list[Block]:
-    """Return the blocks of a page."""
     return [
         Block(m["language"], m["mark"] or "", m["title"] or "", m["text"])
         for m in _BLOCK.finditer(page.read_text(encoding="utf-8"))

@@ -39,7 +39,6 @@ def left_out(name: str = "load") -> str:
 
 
 def record(topic: str, fields: str = "t_ns: Ns", name: str = "Odd", more: str = "") -> str:
-    """Return the code of a record type that becomes the feature's only one."""
     lines = (f"class {name}(Record, frozen=True, kw_only=True):", f"    topic: ClassVar[str] = {topic!r}")
     return "\n".join((*lines, f"    {more}\n    {fields}", f"RECORDS = ({name},)"))
 

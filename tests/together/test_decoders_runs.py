@@ -132,7 +132,6 @@ def test_compare_prints_draws_and_gives_json(tmp_path: Path, capsys: pytest.Capt
     words = ["emg", "compare", f"{one},{one},{one}", "--rate-hz", "200"]
     assert teleop(*words, "--decoders", "learned", "--json") == 0
     assert all(row["balanced_accuracy"] > 0.9 for row in json.loads(capsys.readouterr().out))
-    # Another day: trained on the first, ten seconds of the new one put all to it, and the rest is judged.
     for name, value in (("rest9", 0), ("close9", 1)):
         np.save(tmp_path / f"{name}.npy", emg[closure == value][800:1600][:, [1, 2, 0]] * [0.3, 3.0, 1.0])
     days = [f"{tmp_path}/rest{n}.npy=0,{tmp_path}/close{n}.npy=1" for n in ("", "9")]
@@ -239,7 +238,6 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tree_of(folder: Path, maximum: float = 2000.0) -> dict[str, Any]:
-    """Return the settings for a folder's samples, calibrated to a maximum."""
     (folder / "calibration.toml").write_text(
         'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
         f'rate_hz = 1000.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [{maximum}, {maximum}]\n'
@@ -252,7 +250,6 @@ def tree_of(folder: Path, maximum: float = 2000.0) -> dict[str, Any]:
 
 
 def learned(folder: Path, **options: float) -> dict[str, Any]:
-    """Return the settings with the model as the decoder."""
     decoder = {"name": "learned", "options": {"model": str(folder / "model.json"), **options}}
     return tree_of(folder) | {"stages": {"decoder": decoder}}
 
@@ -273,7 +270,6 @@ def test_a_run_shows_that_it_holds_for_want_of_confidence(lab: Path) -> None:
 
 @pytest.mark.raises("muscles")
 def test_moved_electrodes_are_a_recorded_alert_and_stand_on_the_page_with_the_pattern(tmp_path: Path) -> None:
-    """Simulated: the muscle under the first electrode is under the second one after ten seconds."""
     rng = np.random.default_rng(5)
     size = np.repeat([[30.0, 6.0], [6.0, 30.0]], [10_000, 7_000], axis=0)
     np.save(tmp_path / "emg.npy", rng.normal(size=size.shape) * size)

@@ -69,7 +69,6 @@ def newest(records: Sequence[_R], t_ns: int) -> _R | None:
 
 
 def check(snapshot: Shown, recorded: Recorded) -> None:
-    """Compare what both displays show at a moment with the newest records up to it."""
     view, t_ns = snapshot.view, snapshot.view.t_ns
     assert snapshot.terminal == snapshot.page
     assert set(snapshot.page) == ROWS
@@ -100,7 +99,6 @@ def check(snapshot: Shown, recorded: Recorded) -> None:
 
 
 def compared(moments: list[Shown], folder: Path) -> dict[str, list[Shown]]:
-    """Compare every moment, and return them by state."""
     recorded = read_recorded(next(folder.rglob("*.mcap")))
     states: dict[str, list[Shown]] = {}
     for snapshot in moments:
@@ -195,13 +193,11 @@ def test_a_paused_run_shows_its_last_moment_and_go_cannot_be_pressed(tmp_path: P
 
 
 def recorded(summary: dict[str, Any], folder: Path) -> list[str]:
-    """Return what the alerts in a run's recording say."""
     file = folder / str(summary["recording"]["file"])
     return [one.value.said for one in McapReader(file).messages() if one.schema == "tega.Alert"]
 
 
 def disturbed(made: Lab, folder: Path, disturb: Callable[[], None], words: str) -> None:
-    """Disturb an active run until its display has an alert; the recording has it, too."""
     with made.session():
         made.until(lambda: made.state == "active")
         disturb()
@@ -249,6 +245,5 @@ def test_a_recorder_that_is_killed_is_an_alert(tmp_path: Path) -> None:
         made.until(lambda: "recorder's process ended" in made.said())
     # The file ended before it; the summary has it.
     assert any("recorder's process ended" in text for text in made.summary["safety"]["alerts"])
-    # A script that started the run sees it by the exit code.
     with pytest.raises(RecordingError, match=r"recording stopped after .* s: "):
         echo_summary(made.summary, wall_s=1.0, as_json=False)

@@ -29,14 +29,12 @@ FULL = np.full(40, 100, np.uint8)
 
 
 def drive(budget: MotorBudget, seconds: float, *, from_s: float = 0.0) -> int:
-    """Ask for full drive, and return what is shown at the end."""
     return [
         int(budget.allow(round((from_s + k / 10) * 1e9), FULL)[0]) for k in range(round(10 * seconds) + 1)
     ][-1]
 
 
 def run(file: Path, *, at_s: float, seconds: float, dose_s: float = 100.0) -> MotorBudget:
-    """Drive a vest for some seconds, beginning at a time of day."""
     budget, now_s = MotorBudget(heat_share=1.0, dose_s=dose_s), [at_s]
     with KeptDose(file, budget, now_s=lambda: now_s[0]):
         drive(budget, seconds)

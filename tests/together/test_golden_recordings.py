@@ -51,7 +51,6 @@ STREAMS = {
 
 @pytest.fixture(scope="module", params=list(STREAMS))
 def golden(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of an earlier version."""
     path = tmp_path_factory.mktemp("golden") / f"{request.param}.mcap"
     path.write_bytes(lzma.decompress((GOLDEN / f"{request.param}.mcap.xz").read_bytes()))
     return path

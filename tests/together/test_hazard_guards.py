@@ -20,7 +20,6 @@ SIGNS = re.compile(r"def (alerts|needs|watch_over)\(|\b(watch|alert)\(")
 
 @pytest.fixture(scope="module")
 def program() -> str:
-    """Return all files of the program, one after the other."""
     return "\0".join(file.read_text(encoding="utf-8") for file in (PROJECT / "python").rglob("*.py"))
 
 

@@ -46,7 +46,6 @@ PRECIOUS = "precious\n"
 
 @pytest.fixture
 def mine(tmp_path: Path) -> Path:
-    """A file that a link leads to."""
     path = tmp_path / ".bashrc"
     path.write_text(PRECIOUS)
     return path

@@ -55,7 +55,6 @@ class Weighing(Metric):
 
 @pytest.fixture(scope="module", autouse=True)
 def _weighing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Install the metric as anybody's package would."""
     entries = "[tega.metrics]\nweighing = tega_test_weighing:Weighing\n"
     site = distribution(tmp_path_factory.mktemp("site"), "tega_test_weighing", entries)
     (site / "tega_test_weighing.py").write_text(METRIC)
@@ -65,14 +64,6 @@ def _weighing(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 class Ran(NamedTuple):
-    """A run that is over.
-
-    Attributes:
-        grips: What the reflex was asked and added, tick by tick.
-        contacts: As the bus delivered them.
-        file: The recording.
-    """
-
     grips: list[ReflexGrip]
     contacts: list[Contact]
     file: Path

@@ -70,8 +70,6 @@ def test_a_trial_is_open_as_long_as_it_can_succeed(stable: StableReading, open_a
 
 
 class _Raising(StandingBench):
-    """Devices on which the object is raised by a given course."""
-
     sees_height = True
 
     def __init__(self, height_m: Height) -> None:

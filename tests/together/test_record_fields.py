@@ -46,9 +46,6 @@ def test_a_tega_that_is_not_of_the_checkout_is_named_and_refused(tmp_path: Path)
     assert file.read_text() == "{}"
 
 
-# Field numbers.
-
-
 def test_a_record_has_the_field_numbers_that_its_files_have() -> None:
     table: Table = json.loads(FILE.read_text(encoding="utf-8"))
     messages = own_messages()

@@ -298,7 +298,6 @@ def test_a_column_s_text_is_that_of_its_cells(cells: list[Any]) -> None:
 
 
 def same_files(folder: Path, wanted: Path) -> None:
-    """Check that two exports have the same files, Parquet by what it holds."""
     assert sorted(path.name for path in folder.iterdir()) == sorted(path.name for path in wanted.iterdir())
     for one in folder.iterdir():
         if one.suffix == ".parquet":

@@ -91,7 +91,6 @@ def test_a_study_of_two_people_goes_from_calibration_to_report(lab: Path) -> Non
         led = ("--lab", "lab.toml", "--time-scale", "0.02", "--json")
         done = rehearse(lab, seed, "study", "run", "rehearsal", person, *led)
         assert json.loads(done.stdout) == {"participant": person, "over": 2, "trials": 2, "next": None}
-        # The hand closed on what was in it.
         felt = []
         for file in sorted((lab / "rehearsal").glob(f"**/{person}/**/touch.csv")):
             with file.open() as table:

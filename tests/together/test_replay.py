@@ -43,7 +43,6 @@ def _no_picture() -> Iterator[None]:
 
 
 def replay(*words: object, code: int = 0) -> dict[str, Any]:
-    """Run the verb; return its summary, or what it said in an error."""
     out, err = io.StringIO(), io.StringIO()
     with redirect_stdout(out), redirect_stderr(err), pytest.raises(SystemExit) as ended:
         main(["replay", "--json", *map(str, words)])

@@ -49,7 +49,6 @@ def environment_without(guest: str, folder: Path) -> Path:
 
 
 def _packages() -> set[str]:
-    """Return the packages of TEGA, by its entry points."""
     targets = importlib.metadata.distribution("tega").entry_points
     return {"tega"} | {one.module.partition(".")[0] for one in targets}
 

@@ -160,7 +160,6 @@ def _options(kind: Any, context: Context) -> dict[str, st.SearchStrategy[Any]]:
 
 
 def _output(kind: Any, run: Run, options: Mapping[str, Any]) -> bytes | None:
-    """Return what a stage makes under options; ``None`` where it refuses them."""
     try:
         return run(kind.options_type(**options))
     except TegaError:
@@ -168,7 +167,6 @@ def _output(kind: Any, run: Run, options: Mapping[str, Any]) -> bytes | None:
 
 
 def has_effect(group: str, kind: Any, name: str, context: Context) -> bool:
-    """Return whether two values of an option that make a difference are found."""
     options = _options(kind, context)
     runs = RUNS[group](kind) if context.runs is None else context.runs
     # Of values that are given and not drawn it is an effect, too, that one of them is refused.

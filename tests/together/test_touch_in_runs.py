@@ -118,7 +118,6 @@ def test_depth_and_force_that_were_calibrated_for_another_law_are_refused_and_th
         assert full.of_this_law().noise_counts == noise
     assert read["before laws were numbered"] == read["another law"] == read["nominal"]
     assert read["this law"] != read["nominal"]
-    # A run says so, whole, and goes on.
     old = msgspec.structs.replace(plain, **fitted)
     file = tmp_path / "old.toml"
     save_calibration(Calibration(preset="live", origin="presses", tactile={"thumb": old}), file)

@@ -142,7 +142,6 @@ def test_fingers_of_loose_recordings_are_told_of_each_other() -> None:
     first = flags["ring"].index(True)
     assert 20 <= first < 30
     assert all(flags["ring"][first:])
-    # Told of the ring finger as long as that one is pressed.
     assert 35 < sum(flags["thumb"]) < 60
     assert found["ring"] == [repr(contact) for contact in measured(flags["ring"])]
     assert found["ring"] != [repr(contact) for contact in measured([False] * N_FRAMES)]

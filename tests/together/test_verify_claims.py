@@ -87,7 +87,6 @@ def test_a_part_that_a_metric_without_memory_measured_is_measured_again(tmp_path
 
 
 def broken(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make every measured peak one grey value too large."""
     take = FrameMeter.take
 
     def one_more(meter: FrameMeter, frame: Any) -> Any:
@@ -165,7 +164,6 @@ TOPICS = {"/beside/live/index", "/beside/rules/emg"}
 
 @pytest.fixture(scope="module")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a recording of a short session with a metric and a decoder beside."""
     folder = tmp_path_factory.mktemp("session")
     (folder / "lab.toml").write_text(synthetic(4.0, "index", more=BESIDE))
     summary = run_session(load_config(folder / "lab.toml", environ={}).config)

@@ -66,7 +66,6 @@ def test_a_mutated_bag_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: P
 
 
 def _scene_at(path: Path) -> None:
-    """Look at a scene recording here and there."""
     bus = Bus()
     bus.subscribe(DisplayPicture, lambda _one: None)
     file = followed_scene(path, bus, start_ns=0, end_ns=3_000_000_000)

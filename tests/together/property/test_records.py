@@ -61,7 +61,6 @@ def _plain(value: Any) -> Any:
 
 
 def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
-    """Publish records on the bus of a recording, and return its file."""
     tree = {
         "session": {"pace": "fast"},
         "recording": {"dir": str(folder), "lossless": True, "stop_free_mib": 0.0},
@@ -162,7 +161,6 @@ def test_contact_and_intent_come_over_the_link_with_every_field(contact: Contact
 
 
 def _read_cell(text: str, like: Any) -> Any:
-    """Return a cell's value, of the type of another one."""
     if text == "" and not isinstance(like, str):
         return None
     return text == "1" if isinstance(like, bool) else type(like)(text) if like is not None else text
