@@ -13,13 +13,7 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.emg import ButterworthLowpass, GraspIntent
-from tega.tactile import (
-    TouchTracker,
-    contact_mask,
-    contact_metrics,
-    pressure_map,
-    read_contact,
-)
+from tega.tactile import TouchTracker, contact_mask, contact_metrics, pressure_map, read_contact
 from tega_sim.gel import Gel
 from tega_sim.seams import Indenter
 

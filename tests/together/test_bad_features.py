@@ -206,14 +206,25 @@ def test_a_panel_that_fails_is_left_out_once(install: Install) -> None:
     ]
 
 
-@pytest.mark.parametrize("option", ["--out", "--fps"])  # of the command itself, and of LeRobot's format
-def test_a_format_with_an_option_that_is_taken_is_left_out(install, option, capsys):
-    code = "from tega.ui.cli.export_format import ExportFormat\n"
-    code += f"ODD = ExportFormat((click.Option([{option!r}]),), print)"
-    install("formats={'odd': 'tega_load.members:ODD'}", code)
+TAKEN = (
+    "from tega.ui.cli.export_format import ExportFormat\nodd = ExportFormat((click.Option(['{}']),), print)"
+)
+
+
+@pytest.mark.parametrize(
+    ("code", "named"),
+    [
+        (TAKEN.format("--out"), "recording export has an option --out already"),
+        (TAKEN.format("--fps"), "recording export has an option --fps already"),  # of LeRobot's format
+        ("odd = 'text'", "feature 'load': tega_load.members:odd"),
+    ],
+)
+def test_a_bad_format_is_left_out_and_the_others_are_there(install, code, named, capsys):
+    install("formats={'odd': 'tega_load.members:odd'}", code)
     out, err = call(capsys, "recording", "export", "--help")
-    assert f"format 'odd' is left out: recording export has an option {option} already" in err
-    assert sum(line.startswith(f"  {option} ") for line in out.splitlines()) == 1
+    assert f"format 'odd' is left out: {named}" in err
+    for option in ("--out", "--fps"):
+        assert sum(line.startswith(f"  {option} ") for line in out.splitlines()) == 1
 
 
 @pytest.mark.parametrize("verb", ["load", "emg load"])
@@ -232,12 +243,6 @@ def test_help_imports_no_verb_and_a_bad_one_is_named(install, capsys):
     assert "tega_load.members" not in sys.modules
     _, err = call(capsys, "emg", "load", code=1)
     assert "'load': tega_load.members:odd is 'text', not a click command" in err
-
-
-def test_a_bad_format_is_named_and_the_tables_are_there(install, capsys):
-    install("formats={'loads': 'tega_load.members:odd'}", "odd = 'text'")
-    _, err = call(capsys, "recording", "export", "--help")
-    assert "format 'loads' is left out: feature 'load': tega_load.members:odd" in err
 
 
 def run(folder: Path, **members: Any) -> tuple[dict[str, Any], dict[str, int]]:

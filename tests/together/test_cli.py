@@ -83,11 +83,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [
-        (["walk"], "No such command 'walk'"),
-        (["replay"], "--out"),
-        (["devices", "--fast"], "--fast"),
-    ],
+    [(["walk"], "No such command 'walk'"), (["replay"], "--out"), (["devices", "--fast"], "--fast")],
 )
 def test_wrong_use_ends_with_code_2(capsys, words, message):
     _, err = call(capsys, *words, code=2)

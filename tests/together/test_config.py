@@ -133,7 +133,7 @@ def test_a_mistake_in_the_file_names_file_and_line(settings, written, instead, m
         load_config(None, environ={"TEGA_EMG__KIND": "noisy", "TEGA_EMG__DRIVER": "emg-file"})
 
 
-def test_lines_of_values_however_they_are_written() -> None:
+def test_lines_of_values_however_they_are_written_and_the_examples_are_valid() -> None:
     text = '''# a comment
 top = 1   # after it
 
@@ -164,8 +164,10 @@ m = 2'''
         "rows[0].more.m": 19,
     }
     for name in ("session.toml", "simulated.toml"):
-        example = (PROJECT / "examples" / name).read_text(encoding="utf-8")
-        assert set(value_lines(example)) == {key for key, _ in leaves(tomllib.loads(example))}
+        example = PROJECT / "examples" / name
+        text = example.read_text(encoding="utf-8")
+        assert set(value_lines(text)) == {key for key, _ in leaves(tomllib.loads(text))}
+        assert load_config(example, environ={}).config.emg is not None
 
 
 def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
@@ -181,12 +183,6 @@ def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
 
 
 PROJECT = Path(__file__).resolve().parents[2]
-
-
-@pytest.mark.parametrize("name", ["session.toml", "simulated.toml"])
-def test_the_examples_are_valid(name: str) -> None:
-    loaded = load_config(PROJECT / "examples" / name, environ={})
-    assert loaded.config.emg is not None
 
 
 @pytest.mark.words

@@ -155,8 +155,5 @@ def test_what_is_no_pose_is_refused_and_a_tracker_keeps_its_arm(lab: EmulatedLab
             with pytest.raises(InvalidValueError, match="for_s"):
                 s.arm.pose((0, 0, 0), _NO_TURN, for_s=for_s)
     config = check_tree(lab.tree, {}, base=tmp_path).config
-    with (
-        pytest.raises(DeviceUnavailableError, match="something else leads the arm"),
-        session(config) as s,
-    ):
+    with pytest.raises(DeviceUnavailableError, match="something else leads the arm"), session(config) as s:
         s.arm.pose((0, 0, 0), _NO_TURN)

@@ -184,10 +184,11 @@ TREE: dict[str, Any] = {
     "session": {"preset": "live", "pace": "fast", "duration_s": 4.0},
     "tactile": {"index": {"driver": "synthetic-touch"}},
 }
+Session = tuple[Path, Path, list[Event], list[LoopView]]
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[Event], list[LoopView]]:
+def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     folder = tmp_path_factory.mktemp("events")
     tree = TREE | {
         "session": TREE["session"] | {"out_dir": str(folder / "out")},
@@ -197,9 +198,6 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, list[
     bus.subscribe(Event, received.append)
     summary = run_session(check_tree(tree, {}, base=folder).config, bus=observed(seen.append, bus))
     return folder / "out", folder / "recorded" / summary["recording"]["file"], received, seen
-
-
-Session = tuple[Path, Path, list[Event], list[LoopView]]
 
 
 def test_an_event_is_told_recorded_and_tabled_alike(session: Session) -> None:

@@ -23,12 +23,7 @@ from tega.config.calibration import Calibration
 from tega.devices.base import DeviceInfo
 from tega.recording.export import export_file
 from tega.recording.session import Recording
-from tega.records import (
-    Contact,
-    Intent,
-    Picture,
-    Record,
-)
+from tega.records import Contact, Intent, Picture, Record
 from tega.records.bus import Bus
 from tega.records.schema import fields, own_schema, values
 from tega.records.table import columns, rows
@@ -224,10 +219,7 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
 
 
 @settings(max_examples=8, deadline=None)
-@given(
-    contacts=st.lists(records_of(Contact), min_size=1, max_size=4),
-    intent=records_of(Intent),
-)
+@given(contacts=st.lists(records_of(Contact), min_size=1, max_size=4), intent=records_of(Intent))
 def test_a_data_set_has_contact_and_intent_as_they_were_recorded(contacts, intent):
     """Frames are 40 ms apart, and so are the records; what is no number of float32 is 0 there."""
     touched = [
