@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from reference.installed import distribution, own_feature, python
+from reference.installed import own_feature, python
 from tega.setup.contract import check_driver, check_stage
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -90,9 +90,8 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     wheel = os.environ.get("TEGA_WHEEL", "")
     venv.create(place, with_pip=bool(wheel), symlinks=os.name != "nt")
     python = place / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
-    site = Path(
-        run("-c", "import sysconfig; print(sysconfig.get_path('purelib'))", python=python).stdout.strip()
-    )
+    found = run("-c", "import sysconfig; print(sysconfig.get_path('purelib'))", python=python)
+    site = Path(found.stdout.strip())
     copies = [_copied(name, tmp_path_factory.mktemp("copy")) for name in (*EXAMPLES, "own_device")]
     if wheel:
         words = ("-m", "pip", "install", "--quiet", f"{Path(wheel).resolve()}[record]", *map(str, copies))
@@ -212,9 +211,8 @@ BREAKING = [
 @pytest.mark.parametrize(("file", "name", "right", "wrong", "rule"), BREAKING)
 def test_the_contract_finds_what_is_wrong(file, name, right, wrong, rule, tmp_path, monkeypatch):
     package, _, part = file.partition("/")
-    text = (PROJECT / "examples" / package / "src" / package / f"{part or '__init__'}.py").read_text(
-        encoding="utf-8"
-    )
+    source = PROJECT / "examples" / package / "src" / package / f"{part or '__init__'}.py"
+    text = source.read_text(encoding="utf-8")
     assert right in text
     path = tmp_path / "wrong.py"
     path.write_text(text.replace(right, wrong), encoding="utf-8")
@@ -274,9 +272,8 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     inspected = tega(installed, tmp_path, "recording", "inspect", str(file))
     assert "/grip" in inspected
     assert "not installed here" not in tega(installed, tmp_path, "verify", str(file))
-    assert "recorded with the feature 'grip', which is not installed" in tega(
-        tmp_path, tmp_path, "verify", str(file)
-    )
+    without = tega(tmp_path, tmp_path, "verify", str(file))
+    assert "recorded with the feature 'grip', which is not installed" in without
     words = ("recording", "trim", str(file), "--from", "1", "--to", "5", "--out", "part.mcap")
     tega(installed, tmp_path, *words)
     assert "/grip" in tega(installed, tmp_path, "recording", "inspect", "part.mcap")
@@ -286,9 +283,8 @@ def test_every_member_of_the_feature_takes_part(installed: Path, tmp_path: Path)
     assert rows[0] == "t_s,fingers"
     assert {row.split(",")[1] for row in rows[1:]} == {"2"}
     (tmp_path / "to.toml").write_text('session.out_dir = "played"\n[grip]\nfirm_from = 2\n')
-    played, _ = json.JSONDecoder().raw_decode(
-        tega(installed, tmp_path, "play", str(file), "--to", "to.toml", "--speed", "max", "--json")
-    )
+    printed = tega(installed, tmp_path, "play", str(file), "--to", "to.toml", "--speed", "max", "--json")
+    played, _ = json.JSONDecoder().raw_decode(printed)
     assert played["grip"]["firm"] == firm
     tega(installed, tmp_path, "recording", "export", str(file), "--out", "tables")
     assert any("grip" in path.name for path in (tmp_path / "tables").iterdir())
@@ -316,12 +312,3 @@ print(rows())
 """
     printed, _ = python("-c", program, site=installed, folder=installed)
     assert printed.strip() == "{'grip': '2 fingers, firm'}"
-
-
-def test_a_feature_that_fails_to_load_is_named_and_the_rest_works(tmp_path: Path) -> None:
-    distribution(tmp_path, "broken-feature", "[tega.features]\nbroken = broken_feature:FEATURE\n")
-    (tmp_path / "broken_feature.py").write_text("import a_package_that_is_missing\n")
-    message = tega(tmp_path, tmp_path, "config", "show")
-    assert "feature 'broken' is left out: ModuleNotFoundError" in message
-    assert "pip install a_package_that_is_missing, or remove broken-feature" in message
-    assert "session.preset" in message

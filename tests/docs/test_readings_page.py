@@ -41,9 +41,7 @@ CHOICES = [(place, item) for place in PLACES for item in place.sets]
 @pytest.mark.words
 @pytest.mark.skipif(not PAGE.is_file(), reason="not a checkout")
 def test_the_table_is_the_generated_one() -> None:
-    assert places_table() in PAGE.read_text(encoding="utf-8"), (
-        "python -m tega_figures.places docs/readings.md"
-    )
+    assert places_table() in PAGE.read_text("utf-8"), "python -m tega_figures.places docs/readings.md"
 
 
 def check_value(values: Any, item: str) -> None:

@@ -96,9 +96,13 @@ def test_a_bad_declaration_is_left_out_and_named(install, members, code, named):
         ("raise SystemExit(7)\n", "SystemExit: 7; correct the declaration tega_load:FEATURE"),
     ],
 )
-def test_a_declaration_that_is_not_imported_is_named(install: Install, head: str, named: str) -> None:
+def test_a_declaration_that_is_not_imported_is_named_and_the_rest_works(install, head, named, capsys):
     install(head=head)
     assert named in left_out()
+    shown, warned = call(capsys, "config", "show")
+    assert "session.preset" in shown
+    assert "feature 'load' is left out: " in warned
+    assert named.partition(";")[0] in " ".join(warned.split())
 
 
 def test_ctrl_c_while_a_declaration_is_imported_stops(install: Install) -> None:
@@ -130,9 +134,7 @@ def test_tega_s_own_names_are_all_there() -> None:
 @pytest.mark.parametrize("member", ["part", "checks", "panels", "played"])
 def test_a_target_of_another_kind_names_member_value_and_kind(install: Install, member: str) -> None:
     install(f"{member}='tega_load.members:odd'", "odd = 'text'")
-    with pytest.raises(
-        ConfigError, match=r"'load': tega_load\.members:odd is 'text', not a function or class"
-    ):
+    with pytest.raises(ConfigError, match=r"'load': tega_load\.members:odd is 'text', not a function or"):
         loader.call_member(features()["load"], member)
 
 
@@ -143,9 +145,8 @@ def test_a_table_of_a_feature_that_is_left_out_is_refused_with_the_error(install
     assert not broken_features()  # nothing of it is imported for settings without its table
     with pytest.raises(ConfigError, match="load: unknown key") as refused:
         checked(tree)
-    assert refused.value.hint.startswith(
-        "this is a table of the feature 'load', which is installed but could not"
-    )
+    why = "this is a table of the feature 'load', which is installed but could not"
+    assert refused.value.hint.startswith(why)
 
 
 def test_a_feature_that_is_not_imported_is_named_by_recordings_and_settings(install: Install) -> None:
@@ -201,9 +202,8 @@ def test_a_panel_that_fails_is_left_out_once(install: Install) -> None:
     loader.show_warnings(lambda message, _hint: warnings.append(message))
     for display in ("terminal", "page"):
         assert DisplayRows(Bus(), display)() == {}
-    assert warnings == [
-        "a panel is left out: feature 'load': panels tega_load.members:panel: ValueError: boom"
-    ]
+    why = "feature 'load': panels tega_load.members:panel: ValueError: boom"
+    assert warnings == [f"a panel is left out: {why}"]
 
 
 TAKEN = (

@@ -211,9 +211,8 @@ def test_a_hold_is_told_with_its_reason() -> None:
     bus = Bus()
     rows = MuscleRows(bus)
     bus.publish(Intent(t_ns=1, closure=0.52, confidence=0.2, channels=(2, 3)))
-    assert rows.rows("20 % sure, 50 % are needed") == {
-        "decoder": "holds closure 0.52: 20 % sure, 50 % are needed"
-    }
+    why = "20 % sure, 50 % are needed"
+    assert rows.rows(why) == {"decoder": f"holds closure 0.52: {why}"}
     bus.publish(Intent(t_ns=2, closure=0.52, confidence=0.0, channels=(0, 0)))
     assert rows.rows() == {"decoder": "holds closure 0.52: no channel can be believed"}
 

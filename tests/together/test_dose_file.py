@@ -29,9 +29,8 @@ FULL = np.full(40, 100, np.uint8)
 
 
 def drive(budget: MotorBudget, seconds: float, *, from_s: float = 0.0) -> int:
-    return [
-        int(budget.allow(round((from_s + k / 10) * 1e9), FULL)[0]) for k in range(round(10 * seconds) + 1)
-    ][-1]
+    times_ns = [round((from_s + k / 10) * 1e9) for k in range(round(10 * seconds) + 1)]
+    return [int(budget.allow(t_ns, FULL)[0]) for t_ns in times_ns][-1]
 
 
 def run(file: Path, *, at_s: float, seconds: float, dose_s: float = 100.0) -> MotorBudget:

@@ -70,9 +70,8 @@ def test_a_recording_of_an_earlier_version_is_computed_again_bit_for_bit(golden:
     assert {stream: differ for stream, (_, differ) in rows.items() if differ} == {}
     assert set(rows) == STREAMS[golden.stem]
     # In "1-live" the first contact comes before its picture.
-    assert {one.compared for one in replay.pictures} == {"1-live": {17}, "2-live": {12}, "2-jpeg": {24}}.get(
-        golden.stem, set()
-    )
+    n_compared = {"1-live": {17}, "2-live": {12}, "2-jpeg": {24}}
+    assert {one.compared for one in replay.pictures} == n_compared.get(golden.stem, set())
 
 
 def test_a_recording_of_an_earlier_version_says_what_made_it(golden: Path) -> None:
@@ -95,9 +94,8 @@ def test_an_unknown_record_is_a_feature_s_unless_a_later_tega_made_it(golden: Pa
     unknown = rewritten(golden, tmp_path / "unknown.mcap", tables={"records": {"Grip": "1"}})
     assert replay_file(unknown).same
     later = rewritten(unknown, tmp_path / "later.mcap", tables={"versions": {"tega": "99.0.0"}})
-    with pytest.raises(
-        RecordingError, match=r"its record Grip has version 1, this TEGA knows none; .*99\.0\.0"
-    ):
+    why = r"its record Grip has version 1, this TEGA knows none; .*99\.0\.0"
+    with pytest.raises(RecordingError, match=why):
         replay_file(later)
 
 

@@ -146,9 +146,8 @@ def test_levels_and_can_frames(ran: Ran) -> None:
     frames = table(out / "can.csv")
     assert [f["id"] for f in frames[:4]] == ["180", "184", "188", "18C"]
     assert all(len(f["data"]) == 16 for f in frames[:-1])
-    assert [(f["t_s"], f["id"], f["data"]) for f in frames[-5:]] == [
-        ("3.000000", i, "0" * 16) for i in ("180", "184", "188", "18C")
-    ] + [("3.000000", "104", "")]
+    limp = [("3.000000", i, "0" * 16) for i in ("180", "184", "188", "18C")]
+    assert [(f["t_s"], f["id"], f["data"]) for f in frames[-5:]] == [*limp, ("3.000000", "104", "")]
     ticks = len(range(0, 3000, 3))
     assert len(frames) == 4 * ticks + 5
     assert summary["hand"]["ticks"] == ticks
@@ -197,9 +196,8 @@ def test_touch_alone_and_muscles_alone(ran: Ran) -> None:
 def test_without_a_baseline_it_is_estimated_and_said(tmp_path: Path) -> None:
     folder = write_folder(tmp_path / "thumb", 60)
     summary = replay("--tactile", f"thumb={folder}", "--out", tmp_path / "out")
-    assert (
-        summary["tactile"]["thumb"]["baseline"] == "estimated from the quietest of the recording's 60 frames"
-    )
+    why = "estimated from the quietest of the recording's 60 frames"
+    assert summary["tactile"]["thumb"]["baseline"] == why
     contact = [row["in_contact"] for row in table(tmp_path / "out" / "contacts.csv")]
     assert contact[5] == "1"
     assert contact[15] == "0"
@@ -265,9 +263,7 @@ def test_the_results_of_an_earlier_run_are_kept_and_told(ran, press, tmp_path):
 
 
 def test_a_run_that_was_killed_leaves_a_folder_that_the_next_one_takes(press, tmp_path):
-    assert [prepare_folder(tmp_path) for _ in range(3)] == [None] * 3, (
-        "one that left nothing leaves no folder"
-    )
+    assert [prepare_folder(tmp_path) for _ in range(3)] == [None] * 3
     assert json.loads((tmp_path / "summary.json").read_text())["ended"] == "not yet, or it was killed"
     (tmp_path / "vest.csv").write_text("t_s\n")
     assert replay(*press[8:], "--out", tmp_path)["ended"] == "complete"

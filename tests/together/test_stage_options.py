@@ -172,9 +172,8 @@ def mapping_runs(draw: st.DrawFn, kind: Any) -> Run:
             reported = [msgspec.structs.replace(one, confidence=confidence) for one in events]
             levels = mapping.levels(t_ns, contacts, reported if mapping.wants_events else ())
             displayed.append(np.clip(levels, 0, 100).tobytes())
-            displayed.append(
-                repr([mapping.columns(finger, one) for finger, one in contacts.items()]).encode()
-            )
+            columns = [mapping.columns(finger, one) for finger, one in contacts.items()]
+            displayed.append(repr(columns).encode())
         return b"".join(displayed)
 
     return run
@@ -380,9 +379,7 @@ def has_effect(group: str, kind: Any, name: str, context: Context) -> bool:
 )
 def test_an_option_changes_what_its_stage_returns(stage, name, context_of):
     kind: Any = stage_class(stage.group, stage.name)  # type: ignore[arg-type]
-    assert has_effect(stage.group, kind, name, context_of(stage)), (
-        f"{stage.group} {stage.name}: no two values of {name} change what the stage returns"
-    )
+    assert has_effect(stage.group, kind, name, context_of(stage)), "no two values change what it returns"
 
 
 def test_an_option_that_changes_nothing_is_found() -> None:

@@ -117,9 +117,8 @@ def test_contacts_of_compressed_pictures_are_kept(tmp_path: Path, capsys: pytest
 def test_contacts_of_another_version_of_the_metric_are_kept(lossless, capsys, monkeypatch):
     monkeypatch.setattr(LiveMetric, "version", LiveMetric.version + 1)
     (why,) = set(kept(capsys, lossless).values())
-    assert why == (
-        f"another version measured them (live {LiveMetric.version - 1} -> live {LiveMetric.version})"
-    )
+    n = LiveMetric.version
+    assert why == f"another version measured them (live {n - 1} -> live {n})"
     assert CLAIM not in call(capsys, "verify", lossless)[0]
 
 
@@ -182,9 +181,8 @@ def test_what_stages_beside_said_is_compared_again(recording: Path, capsys: Any)
 
 
 def test_a_stage_beside_that_says_something_else_is_found(recording: Path, capsys: Any) -> None:
-    other = (
-        'stages.beside=[{group="metric",name="live"},{group="decoder",name="rules",options={intervals=5}}]'
-    )
+    decoder = '{group="decoder",name="rules",options={intervals=5}}'
+    other = f'stages.beside=[{{group="metric",name="live"}},{decoder}]'
     (replay,) = replayed(recording, "--set", other, capsys=capsys, code=1)
     differ = {stream["stream"] for stream in replay["streams"] if stream["differ"]}
     assert differ == TOPICS
@@ -198,9 +196,8 @@ def test_a_session_is_replayed_through_another_stage(recording: Path, capsys: An
     )
     words = [word for item in sets for word in ("--set", item)]
     (replay,) = replayed(recording, *words, capsys=capsys, code=1)
-    assert any(
-        "stages.metric: live" in text and "reading (threshold D8" in text for text in replay["changed"]
-    )
+    changed = replay["changed"]
+    assert any("stages.metric: live" in text and "reading (threshold D8" in text for text in changed)
     assert any("law logistic" in text for text in replay["changed"])
     assert next(s for s in replay["streams"] if s["stream"] == "/tactile/index/contact")["differ"] > 0
     assert next(s for s in replay["streams"] if s["stream"] == "/emg/levels")["differ"] == 0

@@ -104,10 +104,8 @@ def _for_viewers(record: Record) -> Record:
     """Return a record without the sign of 0 where a viewer's message has it: some of these do not keep it."""
     if own_schema(type(record)):
         return record
-    numbers = {name: getattr(record, name, ()) for name in ("position", "quaternion", "angles_rad")}
-    return replace(
-        record, **{name: tuple(v + 0.0 for v in value) for name, value in numbers.items() if value}
-    )
+    named = {name: getattr(record, name, ()) for name in ("position", "quaternion", "angles_rad")}
+    return replace(record, **{name: tuple(v + 0.0 for v in value) for name, value in named.items() if value})
 
 
 @settings(deadline=None)
@@ -138,9 +136,8 @@ def test_contact_and_intent_come_over_the_link_with_every_field(contact: Contact
     else:
         assert same(came, replace(contact, t_ns=5, taken_ns=0, known_ns=0))
 
-    commands = Commands(
-        ttl_ns=2**62, offset=lambda _now: Offset(0, 0), hand=True, tracker=None, clock=lambda: 10
-    )
+    none = Offset(0, 0)
+    commands = Commands(ttl_ns=2**62, offset=lambda _now: none, hand=True, tracker=None, clock=lambda: 10)
     commands.start(0, None)
     commands.begin(1)
     requested = HandMessage(session=1, sequence=0, sent_ns=10, intent=replace(intent, t_ns=5))
@@ -209,9 +206,8 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
                 elif many is not None:
                     stem = "ch" if field == "channels" else f"{field}_"
                     cells = [row[f"{stem}{k}"] for k in range(1, len(many) + 1)]
-                    assert repr([_read_cell(cell, v) for cell, v in zip(cells, many, strict=True)]) == repr(
-                        list(many)
-                    )
+                    numbers = [_read_cell(cell, v) for cell, v in zip(cells, many, strict=True)]
+                    assert repr(numbers) == repr(list(many))
                 elif field.endswith("_ns"):
                     assert float(row[f"{field[:-3]}_s"]) == value / 1e9, field
                 else:
