@@ -7,16 +7,16 @@ import json
 import os
 import shutil
 import socket
-import subprocess
 import sys
 import venv
 from importlib.metadata import distributions
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 import pytest
 
-from reference.installed import own_feature, python
+from reference.installed import own_feature, program, python
 from tega.setup.contract import check_driver, check_stage
 
 PROJECT = Path(__file__).resolve().parents[2]
@@ -95,12 +95,11 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
     copies = [_copied(name, tmp_path_factory.mktemp("copy")) for name in (*EXAMPLES, "own_device")]
     if wheel:
         words = ("-m", "pip", "install", "--quiet", f"{Path(wheel).resolve()}[record]", *map(str, copies))
-        done = run(*words, python=python)
+        run(*words, python=python)
     else:
         (site / "shared.pth").write_text("\n".join(_shared()))
         words = ("--quiet", "--no-index", "--no-deps", "--no-build-isolation", *map(str, copies))
-        done = run("-m", "pip", "--python", str(python), "install", *words)
-    assert done.returncode == 0, done.stderr
+        run("-m", "pip", "--python", str(python), "install", *words)
     for name in EXAMPLES:
         assert any(site.glob(f"{name}-*.dist-info")), "installed somewhere else"
     return python
@@ -129,42 +128,33 @@ def _shared() -> list[str]:
     return [*builders, *(folder for folder in folders if folder not in builders)]
 
 
-def run(*words: str, python: Path | None = None, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        [str(python or sys.executable), *words],
-        check=False,
-        capture_output=True,
-        text=True,
-        env=environment,
-        cwd=cwd,
-    )
+def run(
+    *words: str, python: Path | str = sys.executable, cwd: Path | None = None, code: int = 0
+) -> CompletedProcess[str]:
+    env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    return program(python, *words, folder=cwd, env=env, code=code)
 
 
 @pytest.mark.slow
 def test_the_examples_pass_the_contract_and_are_listed(fresh: Path) -> None:
     done = run("-m", "tega.setup.contract", *EXAMPLES.values(), python=fresh)
-    assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", n] for n in EXAMPLES.values()]
     listed = json.loads(run("-m", "tega.ui.cli", "stages", "--json", python=fresh).stdout)
     own = {stage["name"]: stage for stage in listed if stage["package"] != "tega"}
     assert set(own) == set(EXAMPLES.values())
     assert own["embedding"]["values"] == {"pc1": "grey", "pc2": "grey", "pc3": "grey"}
-    done = run("-m", "tega.setup.contract", "one-channel", "--set", "rest=0.9", python=fresh)
-    assert done.returncode == 2, done.stdout
+    done = run("-m", "tega.setup.contract", "one-channel", "--set", "rest=0.9", python=fresh, code=2)
     assert "a rest below full" in done.stdout
 
 
 @pytest.mark.slow
 def test_the_driver_s_template_passes_the_contract_and_is_listed(fresh: Path) -> None:
     done = run("-m", "tega.setup.contract", "own-emg", "own-vest", python=fresh)
-    assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split()[:2] for line in done.stdout.splitlines()] == [["ok", "own-emg"], ["ok", "own-vest"]]
     listed = run("-m", "tega.ui.cli", "devices", python=fresh)
     assert "own-emg" in listed.stdout
     assert "template of a vest" in listed.stdout
-    done = run("-m", "tega.setup.contract", "own-emg", "--set", "port=broken", python=fresh)
-    assert done.returncode == 2
+    done = run("-m", "tega.setup.contract", "own-emg", "--set", "port=broken", python=fresh, code=2)
     assert "is it switched on?" in done.stdout
 
 
@@ -172,7 +162,6 @@ def test_the_driver_s_template_passes_the_contract_and_is_listed(fresh: Path) ->
 def test_the_examples_run_on_emulated_devices_and_are_recorded(fresh: Path, tmp_path: Path) -> None:
     pytest.importorskip("foxglove", reason="needs the extra tega[record]")
     done = run("-c", RUN, str(tmp_path), json.dumps(STAGES), python=fresh)
-    assert done.returncode == 0, done.stderr
     reported = json.loads(done.stdout.splitlines()[-1])
     assert [row[:2] for row in reported["more"]] == [["pc1", "grey"], ["pc2", "grey"]]
     assert all(n > 10 for *_, n in reported["more"])
@@ -186,8 +175,7 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(fresh: Path, tmp_
 
 def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) -> None:
     (tmp_path / "lab.toml").write_text('[stages.metric]\nname = "embedding"\n')
-    done = run("-m", "tega.ui.cli", "config", "check", "lab.toml", cwd=tmp_path)
-    assert done.returncode == 1
+    done = run("-m", "tega.ui.cli", "config", "check", "lab.toml", cwd=tmp_path, code=1)
     assert "stages.metric.name: no metric is called 'embedding'" in done.stderr
 
 

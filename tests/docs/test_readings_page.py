@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from reference.sessions import synthetic
 from tega.config import check_tree, load_config
 from tega.loop import run_session
 from tega.recording.mcap_reader import McapReader
@@ -20,21 +21,7 @@ PROJECT = Path(__file__).resolve().parents[2]
 PAGE = PROJECT / "docs" / "readings.md"
 
 # A press within the first half second, and muscles that work.
-SHORT = """
-[session]
-pace = "fast"
-duration_s = 0.3
-[tactile.thumb]
-driver = "synthetic-touch"
-[emg]
-driver = "synthetic-emg"
-kind = "raw"
-[recording]
-dir = "recorded"
-lossless = true
-stop_free_mib = 0.0
-"""
-
+SHORT = synthetic(0.3, "thumb", more="stop_free_mib = 0.0\n")
 CHOICES = [(place, item) for place in PLACES for item in place.sets]
 
 

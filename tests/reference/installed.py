@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 OWN_FEATURE: Final = Path(__file__).resolve().parents[2] / "examples/own_feature/src/own_feature"
 
@@ -26,15 +27,18 @@ def own_feature(site: Path) -> Path:
     return distribution(site, "own-feature", "[tega.features]\ngrip = own_feature.feature:FEATURE\n")
 
 
+def program(
+    *words: object, folder: Path | None = None, env: Mapping[str, str] | None = None, code: int = 0
+) -> subprocess.CompletedProcess[str]:
+    """Run a program to its end, which has to come with this code."""
+    how: dict[str, Any] = {"stdin": subprocess.DEVNULL, "capture_output": True, "text": True, "timeout": 600}
+    done = subprocess.run(list(map(str, words)), cwd=folder, env=env, check=False, **how)
+    assert done.returncode == code, f"{words}\n{done.stdout}\n{done.stderr}"
+    return done
+
+
 def python(*words: str, site: Path, folder: Path, code: int = 0) -> tuple[str, str]:
     """Run a program of Python in a folder, and return what it printed and what it told."""
-    done = subprocess.run(
-        [sys.executable, *words],
-        cwd=folder,
-        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(site), *sys.path])},
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == code, done.stdout + done.stderr
+    env = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), *sys.path])}
+    done = program(sys.executable, *words, folder=folder, env=env, code=code)
     return done.stdout, done.stderr

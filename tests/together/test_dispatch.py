@@ -2,21 +2,19 @@
 
 import os
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from reference.installed import program
 
 ANSWERS = Path(__file__).parents[1] / "reference" / "answers.py"
 
 
 def answers(*command: str, simd: str = "") -> tuple[str, str]:
     env = os.environ | ({"TEGA_SIMD": simd} if simd else {})
-    done = subprocess.run(
-        [*command, sys.executable, str(ANSWERS)], env=env, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 0, done.stderr
+    done = program(*command, sys.executable, ANSWERS, env=env)
     used, digest = done.stdout.split()
     return used, digest
 

@@ -11,9 +11,11 @@ import sys
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 
+from reference.installed import program
 from reference.processes import until
 
 pytest.importorskip("tega_emulators", reason="needs ./tools/emulators")
@@ -23,8 +25,6 @@ pytestmark = [
     pytest.mark.timeout(900),
     pytest.mark.skipif(os.name != "posix", reason="emulated serial devices need pseudo-terminals"),
 ]
-
-WAIT_S = 240
 
 
 @pytest.fixture(scope="module")
@@ -39,23 +39,12 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     assert bench.wait(60) == 0
 
 
-def rehearse(folder: Path, seed: int, *words: str) -> subprocess.CompletedProcess[str]:
+def rehearse(folder: Path, seed: int, *words: str) -> CompletedProcess[str]:
     return teleop(folder, "--seed", str(seed), *words, module="tega_emulators.participant")
 
 
-def teleop(
-    folder: Path, *words: str, code: int = 0, module: str = "tega.ui.cli"
-) -> subprocess.CompletedProcess[str]:
-    done = subprocess.run(
-        [sys.executable, "-m", module, *words],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=WAIT_S,
-        stdin=subprocess.DEVNULL,
-    )
-    assert done.returncode == code, f"{words}\n{done.stdout}\n{done.stderr}"
+def teleop(folder: Path, *words: str, code: int = 0, module: str = "tega.ui.cli") -> CompletedProcess[str]:
+    done = program(sys.executable, "-m", module, *words, folder=folder, code=code)
     assert "Traceback" not in done.stderr
     return done
 

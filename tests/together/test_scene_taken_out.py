@@ -11,6 +11,7 @@ import sys
 import sysconfig
 import venv
 from collections.abc import Callable
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -18,6 +19,7 @@ import cv2
 import numpy as np
 import pytest
 
+from reference.installed import program
 from reference.played import muscles
 from tega.config import check_tree
 from tega.loop import run_session
@@ -86,13 +88,7 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def teleop(python: Path, tmp_path: Path) -> Teleop:
-    def run(*words: str, code: int = 0) -> subprocess.CompletedProcess[str]:
-        program = [str(python), "-P", "-m", "tega.ui.cli", *words]
-        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False)
-        assert done.returncode == code, done.stdout + done.stderr
-        return done
-
-    return run
+    return partial(program, python, "-P", "-m", "tega.ui.cli", folder=tmp_path)
 
 
 @pytest.fixture(scope="module")
