@@ -6,18 +6,9 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["Block", "blocks_of", "commands_of"]
-
 
 class Block(NamedTuple):
-    """One fenced block.
-
-    Attributes:
-        language: ``sh``, ``toml``, ``python`` or ``""``.
-        mark: The comment above it: ``install``, ``background``, ``hardware`` or ``""``.
-        title: Name of the file that it is saved as, or ``""``.
-        text: What stands in it.
-    """
+    """What stands below a comment (``install``, ``background``, ``hardware``), and the file that it is saved as."""
 
     language: str
     mark: str
