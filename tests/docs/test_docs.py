@@ -11,7 +11,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import time
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
@@ -25,6 +24,7 @@ import tega_emulators
 import tega_figures
 from reference.chromium import launched
 from reference.page_blocks import blocks_of
+from reference.processes import until
 from tega.hand import CLOSURE_POSES_RAD
 from tega.wire import allegro_position_frames
 from tega_figures.public import PUBLIC
@@ -172,12 +172,9 @@ def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Po
     (words,) = [line.split() for line in text.splitlines() if line.strip()]
     written = folder / words[words.index("--out") + 1]
     stays = subprocess.Popen(words, cwd=folder, env=environment, text=True)
-    for _ in range(10 * WAIT_S):
-        assert stays.poll() is None, f"{text} ended with {stays.returncode}"
-        if written.is_file():
-            return stays
-        time.sleep(0.1)
-    raise AssertionError(f"{text} wrote no {written.name}")
+    until(lambda: written.is_file() or stays.poll() is not None)
+    assert stays.poll() is None, f"{text} ended with {stays.returncode}"
+    return stays
 
 
 @pytest.mark.slow

@@ -45,12 +45,8 @@ def test_a_setting_of_the_table_is_taken_and_told(place: OpenPlace, item: str) -
     loaded = load_config(None, environ={}, sets=[*place.needs, item])
     check_value(loaded.values, item)
     assert loaded.values[item.partition("=")[0]].origin == "--set"
-    if _is_everywhere(place):
+    if "everywhere" in next(row for row in places_table().splitlines() if place.what in row):
         assert loop_settings("live", [*place.needs, item]).stages == loaded.config.stages
-
-
-def _is_everywhere(place: OpenPlace) -> bool:
-    return "everywhere" in next(row for row in places_table().splitlines() if place.what in row)
 
 
 # One of each group at every turn; the others, a minute and more of them, by make slow.

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from reference.command import call
+from reference.processes import until
 from reference.recordings import squeezes, write_folder
 from tega.records import Contact, Intent, VestFrame
 from tega.records.bus import Bus
@@ -167,11 +168,9 @@ def test_an_interrupted_run_leaves_hand_and_vest_silent(session: Path, number: s
     words += ["--set", "session.preset=paper"]
     np.save(session.parent / "emg.npy", squeezes(12_000, 200.0))
     with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        deadline = time.monotonic() + 60
-        while not (can_csv.exists() and (session.parent / "out" / "calibration.toml").exists()):
-            assert process.poll() is None, process.communicate()[1]
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        files = can_csv, session.parent / "out" / "calibration.toml"
+        until(lambda: all(file.exists() for file in files) or process.poll() is not None)
+        assert process.poll() is None, process.communicate()[1]
         time.sleep(0.3)
         process.send_signal(number)
         _, err = process.communicate(timeout=60)

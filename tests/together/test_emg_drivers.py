@@ -8,7 +8,8 @@ import time
 
 import pytest
 
-from reference.emg_boards import CASES, PATIENCE_S, chunks_of, emulator, error_of, opened, phases, refused
+from reference.emg_boards import CASES, chunks_of, emulator, error_of, opened, phases, refused
+from reference.processes import until
 from tega.devices.base import EmgChunk
 from tega.devices.emg import live_emg
 from tega.devices.emg.serial_emg import SerialEmg, SerialEmgOptions
@@ -144,10 +145,7 @@ def test_signal_faults_reach_the_notes_in_plain_words() -> None:
 
 def assert_last_heard(device: Emulator, command: bytes) -> None:
     """Wait until the command has come through the terminal, which hands bytes on in its own time."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not (received := bytes.fromhex(device.say("heard")["heard"])).endswith(command):
-        assert time.monotonic() < deadline, received
-        time.sleep(0.01)
+    until(lambda: bytes.fromhex(device.say("heard")["heard"]).endswith(command))
 
 
 @pytest.mark.parametrize(("name", "stop"), [("cyton", b"s"), ("chords", b"STOP\n")])

@@ -97,7 +97,6 @@ def test_without_what_came_before_a_replay_says_why_it_cannot(lossless, tmp_path
     assert json.loads(call(capsys, *words, "--json")[0]) == [str(out / "trial-001.mcap")]
     assert LEAD_IN not in attached(out / "trial-001.mcap")
     assert "trimmed from 0.5 s on without its lead-in" in call(capsys, "verify", out, code=1)[1]
-    # What is cut out of it later does not compute either.
     later = trim_session(out, from_s=0.8, to_s=None, out=tmp_path / "later")
     with pytest.raises(RecordingError, match="without its lead-in"):
         replay_file(later)

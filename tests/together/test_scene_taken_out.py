@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import configparser
 import importlib.metadata
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -24,53 +24,6 @@ from reference.played import muscles
 from tega.config import check_tree
 from tega.loop import run_session
 
-
-def environment_without(guest: str, folder: Path) -> Path:
-    """Make an environment with the packages of this one, but for a guest and its entry points; return its Python."""
-    venv.create(folder, symlinks=True, with_pip=False)
-    base = {"base": str(folder), "platbase": str(folder)}
-    into = Path(sysconfig.get_path("purelib", "venv", base))
-    for path in map(Path, sys.path):
-        if path.name in {"site-packages", "dist-packages"} and path.is_dir():
-            for entry in path.iterdir():
-                if not entry.name.startswith(("tega", "_tega", "__editable__")) and entry.suffix != ".pth":
-                    link = into / entry.name
-                    if not link.exists():
-                        link.symlink_to(entry)
-    for name in _packages() - {guest}:
-        spec = find_spec(name)
-        assert spec is not None
-        assert spec.submodule_search_locations
-        shutil.copytree(
-            next(iter(spec.submodule_search_locations)),
-            into / name,
-            ignore=shutil.ignore_patterns("__pycache__"),
-        )
-    _metadata_without(guest, into)
-    return folder / "bin" / "python"
-
-
-def _packages() -> set[str]:
-    targets = importlib.metadata.distribution("tega").entry_points
-    return {"tega"} | {one.module.partition(".")[0] for one in targets}
-
-
-def _metadata_without(guest: str, into: Path) -> None:
-    distribution = importlib.metadata.distribution("tega")
-    there = into / f"tega-{distribution.version}.dist-info"
-    there.mkdir()
-    (there / "METADATA").write_text(distribution.read_text("METADATA") or "", encoding="utf-8")
-    groups = configparser.ConfigParser(delimiters=("=",))
-    groups.optionxform = str  # type: ignore[assignment,method-assign]  # names keep their case
-    for one in distribution.entry_points:
-        if one.module.partition(".")[0] != guest:
-            if not groups.has_section(one.group):
-                groups.add_section(one.group)
-            groups.set(one.group, one.name, one.value)
-    with (there / "entry_points.txt").open("w", encoding="utf-8") as file:
-        groups.write(file)
-
-
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux"),
@@ -83,7 +36,32 @@ Teleop = Callable[..., subprocess.CompletedProcess[str]]
 
 @pytest.fixture(scope="module")
 def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return environment_without("tega_scene", tmp_path_factory.mktemp("installed") / "env")
+    """Make an environment with the packages of this one, but for the scene cameras and their entry points."""
+    folder = tmp_path_factory.mktemp("installed") / "env"
+    venv.create(folder, symlinks=True, with_pip=False)
+    into = Path(sysconfig.get_path("purelib", "venv", {"base": str(folder), "platbase": str(folder)}))
+    for path in map(Path, sys.path):
+        if path.name in {"site-packages", "dist-packages"} and path.is_dir():
+            for entry in path.iterdir():
+                if not entry.name.startswith(("tega", "_tega", "__editable__")) and entry.suffix != ".pth":
+                    link = into / entry.name
+                    if not link.exists():
+                        link.symlink_to(entry)
+    tega = importlib.metadata.distribution("tega")
+    for name in {"tega", *(one.module.partition(".")[0] for one in tega.entry_points)} - {"tega_scene"}:
+        spec = find_spec(name)
+        assert spec is not None
+        assert spec.submodule_search_locations
+        source = next(iter(spec.submodule_search_locations))
+        shutil.copytree(source, into / name, ignore=shutil.ignore_patterns("__pycache__"))
+    there = into / f"tega-{tega.version}.dist-info"
+    there.mkdir()
+    (there / "METADATA").write_text(tega.read_text("METADATA") or "", encoding="utf-8")
+    entries = (tega.read_text("entry_points.txt") or "").splitlines()
+    left = [line for line in entries if not re.search(r"=\s*tega_scene\b", line)]
+    assert len(left) < len(entries)
+    (there / "entry_points.txt").write_text("\n".join(left), encoding="utf-8")
+    return folder / "bin" / "python"
 
 
 @pytest.fixture
