@@ -378,7 +378,7 @@ def has_effect(group: str, kind: Any, name: str, context: Context) -> bool:
     ("stage", "name"), OPTIONS, ids=[f"{stage.group}-{stage.name}-{name}" for stage, name in OPTIONS]
 )
 def test_an_option_changes_what_its_stage_returns(stage, name, context_of):
-    kind: Any = stage_class(stage.group, stage.name)  # type: ignore[arg-type]
+    kind: Any = stage_class(stage.group, stage.name)
     assert has_effect(stage.group, kind, name, context_of(stage)), "no two values change what it returns"
 
 
