@@ -127,6 +127,25 @@ def test_the_collector_is_on_again():
 
 
 @pytest.mark.slow
+def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
+    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
+    monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])
+    monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
+    absent = {"cv2", "numba", "scipy"}
+    found = importlib.util.find_spec
+    for module in (report, peers, filters):
+        monkeypatch.setattr(module, "find_spec", lambda name: None if name in absent else found(name))
+    for name in (*absent, "threadpoolctl"):
+        monkeypatch.setitem(sys.modules, name, None)
+    measured = report.run_bench(quick=True)
+    assert set(measured.missing) == absent
+    assert {row.variant for row in measured.emg} == {"TEGA"}
+    assert all(0 < row.error_of_full_scale < 1e-13 for row in measured.emg)
+    assert "NumPy, tuned" in {row.variant for row in measured.contact}
+    assert measured.threads == {"BLAS": "not limited: threadpoolctl is not installed"}
+
+
+@pytest.mark.slow
 def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(report, "SIZES", scenes.SIZES[:2])
     monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])

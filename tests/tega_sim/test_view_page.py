@@ -134,6 +134,15 @@ def test_the_scene_is_drawn(seen):
     assert share_near(displayed, (180, 60, 50), 45) > 0.0001  # the force, red
 
 
+def test_buttons_reach_the_program(seen):
+    page, controls = seen
+    page.get_by_role("button", name="bag").click()
+    until(lambda: controls.take_object() == "bag")
+    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("button", name="Go on").wait_for(timeout=60_000)
+    assert controls.paused
+
+
 def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
     with (
         BrowserView("TEGA made-up grasp", port=0, controls=Controls()) as view,

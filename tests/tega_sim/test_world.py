@@ -76,6 +76,11 @@ def test_what_is_lifted_rises_as_far_as_the_hand_at_its_speed_and_a_weak_grip_sl
     assert lift("bottle", 3, hold_s=0.5).slips >= 1
 
 
+def test_more_mass_and_less_friction_need_more_force():
+    for change in ({"mass_kg": 1.6}, {"friction": 0.25}):
+        assert not lift(OBJECTS["bottle"].with_(**change), 4, hold_s=0.1).held
+
+
 def test_a_softer_wall_gives_more():
     stiff, soft = (
         lift(OBJECTS["bag"].with_(stiffness_n_m=value), 4, hold_s=0.1).narrowing_m for value in (800.0, 120.0)
