@@ -52,7 +52,7 @@ fn captured_torque_and_position_frames_are_read_and_written_again() {
     ] {
         let (command, report) = (Command::SetTorque { finger, counts }, Report::Position { finger, counts });
         let (message, frame) = match id {
-            0x180.. => (Message::Command(command.clone()), command.frame(OURS)),
+            0x180.. => (Message::Command(command), command.frame(OURS)),
             _ => (Message::Report(report.clone()), report.frame(OURS).unwrap()),
         };
         assert_eq!(decode(&data(id, &hex(bytes)), OURS), Ok(message));
