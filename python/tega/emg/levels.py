@@ -223,7 +223,10 @@ class GraspIntent:
         return f"<GraspIntent: {self._reported}, {self._channels} channel{'s' * (self._channels != 1)}>"
 
     def process(self, samples: ArrayLike) -> NDArray[np.int64]:
-        """Return the fused level of each block that the samples complete, 1 to 5, ``(k,)``, ``int64``."""
+        """Return the fused level of each block that the next samples complete, 1 to 5, ``(k,)``, ``int64``.
+
+        ``ShapeError`` for another number of channels.
+        """
         return self._core.process(_rows(samples, self._channels))
 
     @property

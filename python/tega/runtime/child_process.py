@@ -52,7 +52,11 @@ def python_command(module: str, *arguments: str) -> list[str]:
 
 
 def start_child(module: str, *arguments: str, **popen: Any) -> subprocess.Popen[bytes]:
-    """Start a module of TEGA as a program, in a group of its own: no signal but the end of its input ends it."""
+    """Start a module of TEGA as a program that only the end of its input ends.
+
+    It has a process group of its own and, as its children do, ignores HUP, INT, TERM and QUIT from before its first
+    import. The module has to read its standard input and end in good order when that ends.
+    """
     words = python_command(module, *arguments)
     words[words.index(_BEGIN)] = _IGNORE + _BEGIN
     return subprocess.Popen(words, stdin=subprocess.PIPE, env=python_environment(), **own_group(), **popen)

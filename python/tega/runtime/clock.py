@@ -40,7 +40,11 @@ def _boot_and_asleep_s() -> tuple[float, float]:
 
 
 class Standstill:
-    """Detects that this program did not run for ``longest_s``: stopped, or the computer slept, ``slept_s`` then."""
+    """Detects that this program did not run, since it was stopped, got no processor, or the computer slept.
+
+    Up to ``longest_s`` between two calls of :meth:`pulse` is no standstill; ``slept_s`` is how long the computer slept
+    in the last one.
+    """
 
     def __init__(self, longest_s: float) -> None:
         self._longest_s = longest_s
