@@ -92,7 +92,7 @@ class Contradictions:
 def is_other_clock(age_s: float, *, ahead_s: float = AHEAD_S, away_s: float = AWAY_S) -> bool:
     """Return whether a stamp of this age (arrival less stamp) cannot be of this machine's clock.
 
-    Such a stamp is at most ``ahead_s`` later than its arrival, or ``away_s`` older: an item may be on its way.
+    A stamp of this clock is at most ``ahead_s`` later than its arrival, and at most ``away_s`` earlier.
     """
     return not -ahead_s <= age_s <= away_s
 
