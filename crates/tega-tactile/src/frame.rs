@@ -119,11 +119,12 @@ impl<'a> Pair<'a> {
     }
 
     /// Rows `ys` of frame and baseline, of images whose rows are contiguous: interleaved bytes.
-    pub(crate) fn rows(&self, ys: Range<usize>) -> impl Iterator<Item = [&[u8]; 2]> {
-        let row = |image: &ArrayView3<'a, u8>, y: usize| {
-            (y < image.len_of(Axis(0))).then(|| image.index_axis_move(Axis(0), y).to_slice()).flatten()
+    pub(crate) fn rows(&self, ys: Range<usize>) -> impl Iterator<Item = [&'a [u8]; 2]> + use<'a> {
+        let [frame, baseline] = [self.frame, self.baseline].map(lines);
+        let row = |image: ArrayView2<'a, u8>, y: usize| {
+            (y < image.nrows()).then(|| image.index_axis_move(Axis(0), y).to_slice()).flatten()
         };
-        ys.filter_map(move |y| Some([row(&self.frame, y)?, row(&self.baseline, y)?]))
+        ys.map_while(move |y| Some([row(frame, y)?, row(baseline, y)?]))
     }
 
     /// Signed channel differences of one pixel; `None` outside the image.
