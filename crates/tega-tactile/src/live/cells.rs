@@ -98,9 +98,14 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
             let pairs = pairs.get_mut(first..first + grid.cols).unwrap_or_default();
             // Of a known side the loop is unrolled: small cells are as many as large ones.
             match grid.side {
+                3 => sum_pairs(sums, 3, pairs),
                 4 => sum_pairs(sums, 4, pairs),
+                5 => sum_pairs(sums, 5, pairs),
                 6 => sum_pairs(sums, 6, pairs),
+                7 => sum_pairs(sums, 7, pairs),
                 8 => sum_pairs(sums, 8, pairs),
+                9 => sum_pairs(sums, 9, pairs),
+                10 => sum_pairs(sums, 10, pairs),
                 side => sum_pairs(sums, side, pairs),
             }
         }
@@ -124,24 +129,24 @@ fn sum_rows(rows: &[&[u8]], sums: &mut [u16]) {
     let mut kept = 0;
     let (eights, rows) = rows.as_chunks::<8>();
     for rows in eights {
-        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
+        add_rows::<8>(rows, sums, std::mem::replace(&mut kept, u16::MAX));
     }
-    let (fours, rows) = rows.as_chunks::<4>();
-    for rows in fours {
-        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
-    }
-    let (twos, rows) = rows.as_chunks::<2>();
-    for rows in twos {
-        add_rows(rows, sums, std::mem::replace(&mut kept, u16::MAX));
-    }
-    for row in rows {
-        add_rows(&[row], sums, std::mem::replace(&mut kept, u16::MAX));
+    match rows.len() {
+        0 => {}
+        1 => add_rows::<1>(rows, sums, kept),
+        2 => add_rows::<2>(rows, sums, kept),
+        3 => add_rows::<3>(rows, sums, kept),
+        4 => add_rows::<4>(rows, sums, kept),
+        5 => add_rows::<5>(rows, sums, kept),
+        6 => add_rows::<6>(rows, sums, kept),
+        _ => add_rows::<7>(rows, sums, kept),
     }
 }
 
 /// Adds as many rows, at once, to the kept bits of their columns' sums.
 #[inline(always)]
-fn add_rows<const N: usize>(rows: &[&[u8]; N], sums: &mut [u16], kept: u16) {
+fn add_rows<const N: usize>(rows: &[&[u8]], sums: &mut [u16], kept: u16) {
+    let rows: [&[u8]; N] = std::array::from_fn(|row| rows.get(row).copied().unwrap_or_default());
     let n = rows.iter().map(|row| row.len()).min().unwrap_or_default().min(sums.len());
     let (rows, sums) = (rows.map(|row| &row[..n]), &mut sums[..n]);
     for k in 0..n {
@@ -152,7 +157,6 @@ fn add_rows<const N: usize>(rows: &[&[u8]; N], sums: &mut [u16], kept: u16) {
 /// Sums the columns' sums over the pairs of pixels of each cell, and adds an odd side's last pixel.
 #[inline(always)]
 fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
-    const FIRST: [u16; PAIR] = [u16::MAX, u16::MAX, u16::MAX, 0, 0, 0, 0, 0];
     let cells = sums.windows(3 * side + PAIR - 3).step_by(3 * side);
     for (out, cell) in pairs.iter_mut().zip(cells) {
         let mut sum = [0; PAIR];
@@ -161,12 +165,15 @@ fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
                 (0..PAIR).for_each(|lane| sum[lane] += pair[lane]);
             }
         }
-        if !side.is_multiple_of(2)
-            && let Some(last) = cell.last_chunk::<PAIR>()
-        {
-            (0..PAIR).for_each(|lane| sum[lane] += last[lane] & FIRST[lane]);
-        }
         *out = sum;
+    }
+    // In a loop of its own: three lanes of eight would take the vector above apart.
+    if !side.is_multiple_of(2) {
+        for (out, cell) in pairs.iter_mut().zip(sums.chunks_exact(3 * side)) {
+            if let Some(last) = cell.last_chunk::<3>() {
+                (0..3).for_each(|lane| out[lane] += last[lane]);
+            }
+        }
     }
 }
 
