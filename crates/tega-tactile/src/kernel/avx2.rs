@@ -169,7 +169,7 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
         let mut row = lanes.row::<DIFFERENCE, SQUARES, KEPT>(least);
         // A word of 0 may stand for less, one of 65,535 for more.
         if KEPT && (row.max == i32::from(u16::MAX) || (DIFFERENCE == SIGNED && row.max == 0)) {
-            row.max = self.largest::<DIFFERENCE>(images, kept, row.max as u16);
+            row.max = self.largest::<DIFFERENCE>(images.frame, images.baseline, kept, row.max as u16);
         }
         row
     }
@@ -212,7 +212,8 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
     /// The largest level of a row, sought where the largest of its words are.
     #[target_feature(enable = "avx2")]
     #[inline(never)]
-    fn largest<const DIFFERENCE: u8>(&self, images: RowParts<'_>, kept: &[u16], word: u16) -> i32 {
+    fn largest<const DIFFERENCE: u8>(&self, frame: &[u8], baseline: &[u8], kept: &[u16], word: u16) -> i32 {
+        let Some(images) = self.parts.of_row([frame, baseline]) else { return i32::MIN };
         let mut max = _mm256_set1_epi32(i32::MIN);
         let holds = |step: usize| kept.as_chunks().0.get(step).is_some_and(|kept| holds(kept, word));
         each_eight!(self, DIFFERENCE, images, holds, |n, _new, _from| max = _mm256_max_epi32(max, n));

@@ -56,8 +56,8 @@ impl Parts {
 #[derive(Clone, Copy)]
 pub(super) struct RowParts<'r> {
     parts: Parts,
-    frame: &'r [u8],
-    baseline: &'r [u8],
+    pub frame: &'r [u8],
+    pub baseline: &'r [u8],
 }
 
 impl<'r> RowParts<'r> {
