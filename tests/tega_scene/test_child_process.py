@@ -27,7 +27,6 @@ ENDING = (signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM)
 
 
 def ignores_all(pid: int) -> bool:
-    """Whether a process ignores every signal of :data:`ENDING`."""
     lines = Path(f"/proc/{pid}/status").read_text(encoding="ascii").splitlines()
     (mask,) = (int(line.split()[1], 16) for line in lines if line.startswith("SigIgn:"))
     return all(mask >> (number - 1) & 1 for number in ENDING)
@@ -47,7 +46,6 @@ def arm_program() -> Iterator[subprocess.Popen[bytes]]:
 
 @contextmanager
 def program(module: str, *words: str) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a program with pipes for input and output."""
     process = start_child(module, *words, stdout=subprocess.PIPE)
     assert process.stdout is not None
     with process.stdout:

@@ -6,11 +6,12 @@ import signal
 import socket
 import subprocess
 import sys
-from contextlib import ExitStack
+from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import pytest
 
@@ -23,16 +24,12 @@ import cv2
 import numpy as np
 
 from reference.film_server import HIGH, RATE_HZ, WIDE
-from reference.filmed import number_of, numbered
-from reference.parts import Running
+from reference.filmed import numbered
+from reference.filming import FilmingRun, filmed, lose_and_find, settings
 from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
 from tega.loop import run_session
-from tega.records import Alert
-from tega_scene.pictures import read_pictures
-from tega_scene.record import export_camera
-from tega_scene.video import SceneVideo
 
 RTSP_PACKAGES: Final = (
     "gir1.2-gst-rtsp-server-1.0 gstreamer1.0-plugins-bad gstreamer1.0-plugins-base gstreamer1.0-plugins-good "
@@ -44,7 +41,6 @@ _SERVER: Final = Path(__file__).parents[1] / "reference/rtsp_server.py"
 
 
 def has_rtsp_server() -> bool:
-    """Whether GStreamer's RTSP server is installed."""
     words = [_SYSTEM_PYTHON, "-c", "import gi; gi.require_version('GstRtspServer', '1.0')"]
     return Path(words[0]).exists() and not subprocess.run(words, capture_output=True, check=False).returncode
 
@@ -67,7 +63,6 @@ class RtspServer:
         self.url = f"rtsp://127.0.0.1:{port}/film"
 
     def __enter__(self) -> RtspServer:
-        """Serve."""
         words = [_SYSTEM_PYTHON, str(_SERVER), str(self._film), str(self.port)]
         self._process = subprocess.Popen(words, stdout=subprocess.PIPE, text=True)
         assert self._process.stdout is not None
@@ -79,7 +74,6 @@ class RtspServer:
         self._process.send_signal(signal.SIGSTOP)
 
     def __exit__(self, *_: object) -> None:
-        """End it."""
         self._process.kill()
         self._process.wait()
         assert self._process.stdout is not None
@@ -102,76 +96,36 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-class Run(Running):
-    """A run that films an address, and what is said of it meanwhile."""
-
-    def __init__(self, folder: Path, url: str) -> None:
-        super().__init__(config_of(folder, url))
-        self.pictures, self.alerts = list[SceneVideo](), list[Alert]()
-        self.bus.subscribe(SceneVideo, self.pictures.append, vital=True)
-        self.bus.subscribe(Alert, self.alerts.append, vital=True)
-
-    @property
-    def said(self) -> list[str]:
-        return [one.said for one in self.alerts if one.name == "scene"]
-
-
-def config_of(folder: Path, url: str) -> Any:
-    camera = {"name": "front", "source": url, "width": WIDE, "height": HIGH, "rate_hz": RATE_HZ}
-    tree = {
-        "session": {"pace": "real", "duration_s": 120.0},
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": 130.0}},
-        "recording": {"dir": str(folder / "session"), "stop_free_mib": 0.0},
-        "scene": [camera],
-    }
-    return check_tree(tree, {}, base=folder).config
-
-
-def filmed(folder: Path, summary: dict[str, Any]) -> list[int]:
-    """Return the numbers of the pictures in the run's recording."""
-    recording = folder / "session" / summary["recording"]["file"]
-    n = export_camera(recording, "front", folder / "front.mp4")
-    numbers = [number_of(image) for _, image in read_pictures(folder / "front.mp4")]
-    assert len(numbers) == n == summary["scene"]["front"]["pictures"]
-    return numbers
-
-
 def test_a_stream_is_filmed_into_the_run_s_own_recording(film: Path, tmp_path: Path) -> None:
-    with RtspServer(film) as server, Run(tmp_path, server.url) as run:
+    with RtspServer(film) as server, FilmingRun(tmp_path, server.url) as run:
         until(lambda: len(run.pictures) > 2 * RATE_HZ)
         summary = run.end()
     reported = summary["scene"]["front"]
     assert (reported["lost"], reported["trouble"], run.said) == (0, "", [])
     assert reported["pictures"] + reported["dropped"] == reported["seen"]
-    numbers = filmed(tmp_path, summary)
+    numbers = filmed(tmp_path / "session" / summary["recording"]["file"])
+    assert len(numbers) == reported["pictures"]
     assert numbers == sorted(set(numbers))
     assert len(numbers) > 2 * RATE_HZ
 
 
-@pytest.mark.parametrize("how", ["ends", "stands still"])
-def test_a_server_that_is_lost_is_told_counted_and_found_again(film: Path, tmp_path: Path, how: str) -> None:
-    with ExitStack() as stack:
-        with RtspServer(film) as server:
-            run = stack.enter_context(Run(tmp_path, server.url))
-            until(lambda: len(run.pictures) > 10)
-            if how == "stands still":
-                server.stand_still()
-                until(lambda: bool(run.said))
-        until(lambda: bool(run.said))
-        before = len(run.pictures)
-        with RtspServer(film, server.port):
-            until(lambda: len(run.pictures) > before + 10 and run.said[-1] == "")
-            summary = run.end()
-    assert "stopped" in run.said[0]
-    assert (summary["scene"]["front"]["lost"], summary["scene"]["front"]["trouble"]) == (1, "")
-    assert "scene front: lost 1 times and found again" in summary["notes"]
-    numbers = filmed(tmp_path, summary)
+@pytest.mark.parametrize(
+    "lose", [lambda _server: False, lambda server: server.stand_still() or True], ids=["ends", "stands still"]
+)
+def test_a_server_that_is_lost_is_told_counted_and_found_again(
+    film: Path, tmp_path: Path, lose: Callable[[RtspServer], bool]
+) -> None:
+    _, numbers = lose_and_find(tmp_path, partial(RtspServer, film), lose)
     # The new server begins its film anew: so do the numbers, once.
     assert sum(b < a for a, b in pairwise(numbers)) == 1
 
 
 def test_nobody_and_another_path_at_the_address_refuse_the_run(film: Path, tmp_path: Path) -> None:
-    with RtspServer(film) as server, pytest.raises(DeviceUnavailableError, match="does not open"):
-        run_session(config_of(tmp_path, server.url + "s"))
-    with pytest.raises(DeviceUnavailableError, match="does not open"):
-        run_session(config_of(tmp_path, server.url))
+    def refused(url: str) -> None:
+        tree = settings(tmp_path, {"name": "front", "source": url})
+        with pytest.raises(DeviceUnavailableError, match="does not open"):
+            run_session(check_tree(tree, {}, base=tmp_path).config)
+
+    with RtspServer(film) as server:
+        refused(server.url + "s")
+    refused(server.url)

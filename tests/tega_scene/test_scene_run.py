@@ -7,8 +7,6 @@ import os
 import signal
 import socket
 import sys
-import threading
-import time
 from pathlib import Path
 from typing import Any
 
@@ -21,8 +19,9 @@ pytest.importorskip("foxglove")
 import av
 import numpy as np
 
-from reference.film_server import FilmServer
-from reference.filmed import SIZE, film, number_of
+from reference.film_server import HIGH, WIDE, FilmServer
+from reference.filmed import film, number_of
+from reference.filming import FilmingRun, filmed, lose_and_find, settings
 from reference.played_streams import Heard, nowhere
 from reference.processes import begun_by, until
 from tega.config import check_tree, load_config
@@ -34,7 +33,6 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.trim import trim_session
-from tega.records import Alert
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
 from tega.setup.doctor import examine
@@ -42,25 +40,12 @@ from tega_scene.doctor import check_scene
 from tega_scene.filming import Filming
 from tega_scene.layout import example_layout, save_layout
 from tega_scene.lens import Lens, save_lens
-from tega_scene.pictures import read_pictures, read_times, times_path
-from tega_scene.record import export_camera
+from tega_scene.pictures import read_times, times_path
 from tega_scene.settings import SceneConfig, full_source
-from tega_scene.video import SceneDecoder, SceneVideo
-
-WIDE, HIGH = 2 * SIZE[0], 2 * SIZE[1]
+from tega_scene.video import SceneDecoder
 
 
-def settings(folder: Path, *scene: dict[str, Any], duration_s: float = 2.5) -> dict[str, Any]:
-    size = {"width": WIDE, "height": HIGH, "rate_hz": 20.0}
-    return {
-        "session": {"pace": "real", "duration_s": duration_s},
-        "emg": {"driver": "synthetic-emg", "kind": "raw", "options": {"duration_s": duration_s + 5}},
-        "recording": {"dir": str(folder), "stop_free_mib": 0.0},
-        "scene": [{**size, **one} for one in scene],
-    }
-
-
-def filmed(tree: dict[str, Any], base: Path, **how: Any) -> dict[str, Any]:
+def ran(tree: dict[str, Any], base: Path, **how: Any) -> dict[str, Any]:
     return run_session(check_tree(tree, {}, base=base).config, **how)
 
 
@@ -79,7 +64,7 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         seen[one.name].append((one.t_ns, number_of(one.image)))
 
     bus.subscribe(DisplayPicture, observe, vital=True)
-    summary = filmed(tree, tmp_path, bus=bus)
+    summary = ran(tree, tmp_path, bus=bus)
     assert summary["recording"]["state"] == "complete"
     assert not [note for note in summary["notes"] if "scene" in note]
     for name, video in (("front", "h264"), ("side", "av1")):
@@ -91,12 +76,10 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
         messages = [one for one in reader.messages() if one.topic == f"/scene/{name}/video"]
         assert {(one.schema, one.value.format) for one in messages} == {("foxglove.CompressedVideo", video)}
         epoch_ns, start_ns = (int(reader.metadata["tega"][key]) for key in ("epoch_ns", "start_ns"))
-        assert export_camera(recording, name, tmp_path / f"{name}.mp4") == 30
-        times = read_times(times_path(tmp_path / f"{name}.mp4"))
+        assert filmed(recording, name) == list(range(30))
+        times = read_times(times_path(recording.with_name(f"{name}.mp4")))
         assert times == [one.log_ns - epoch_ns + start_ns for one in messages]
         assert times[0] >= start_ns
-        pictures = [number_of(image) for _, image in read_pictures(tmp_path / f"{name}.mp4")]
-        assert pictures == list(range(30))
         assert [number for _, number in seen[name]] == sorted(number for _, number in seen[name])
         assert len(seen[name]) > 2
     played = Heard(DisplayPicture)
@@ -114,52 +97,23 @@ def test_files_are_filmed_into_the_run_s_own_recording(tmp_path: Path) -> None:
 def test_a_part_of_a_film_begins_with_a_picture_that_stands_alone(tmp_path: Path) -> None:
     film(tmp_path / "film.avi", 50)
     tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=3.0)
-    whole = tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"])
+    whole = tmp_path / "session" / str(ran(tree, tmp_path)["recording"]["file"])
     part = trim_session(whole, from_s=0.5, to_s=2.2, out=tmp_path / "part")
-    n = export_camera(part, "front", tmp_path / "part.mp4")
-    numbers = [number_of(image) for _, image in read_pictures(tmp_path / "part.mp4")]
-    assert numbers == list(range(numbers[0], numbers[0] + n))
+    numbers = filmed(part)
+    assert numbers == list(range(numbers[0], numbers[-1] + 1))
     assert numbers[0] % 20 == 0  # one a second does
-    assert n > 10
+    assert len(numbers) > 10
 
 
 @pytest.mark.slow
 @pytest.mark.raises("scene")
 def test_a_camera_that_goes_away_is_told_recorded_and_found_again(tmp_path: Path) -> None:
     """The run goes on meanwhile, and what was filmed before and after can be looked at."""
-    message: list[str] = []
-    bus, n_pictures, dark = Bus(), [0], threading.Event()
-    bus.subscribe(Alert, lambda one: message.append(one.said) if one.name == "scene" else None, vital=True)
-    bus.subscribe(SceneVideo, lambda _: n_pictures.__setitem__(0, n_pictures[0] + 1), vital=True)
-    bus.subscribe(DisplayPicture, lambda one: dark.set() if one.image is None else dark.clear(), vital=True)
-    server = FilmServer()
-    done = threading.Event()
-
-    def film_twice() -> None:
-        with server:
-            until(lambda: n_pictures[0] > 10)
-        until(lambda: bool(message) and dark.is_set())
-        before = n_pictures[0]
-        with FilmServer(server.port):
-            until(lambda: n_pictures[0] > before + 10)
-            done.set()
-            time.sleep(0.3)
-
-    thread = threading.Thread(target=film_twice, daemon=True)
-    thread.start()
-    tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-    summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
-    thread.join()
-    reported = summary["scene"]["front"]
-    assert (reported["lost"], reported["trouble"]) == (1, "")
-    assert any("stopped" in one for one in message)
-    assert message[-1] == ""
-    assert "scene front: lost 1 times and found again" in summary["notes"]
-    recording = tmp_path / "session" / summary["recording"]["file"]
+    run, numbers = lose_and_find(tmp_path, FilmServer)
+    assert len(numbers) == run.summary["scene"]["front"]["pictures"] > 20
+    recording = tmp_path / "session" / run.summary["recording"]["file"]
     alerts = [one.value.said for one in McapReader(recording).messages() if one.schema == "tega.Alert"]
     assert any("front: scene camera" in one for one in alerts)
-    assert export_camera(recording, "front", tmp_path / "front.mp4") == reported["pictures"] > 20
-    assert len(list(read_pictures(tmp_path / "front.mp4"))) == reported["pictures"]
 
 
 @pytest.mark.slow
@@ -186,27 +140,17 @@ def test_what_a_sender_had_ready_is_not_filmed_as_if_it_were_of_now() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="finds the process in /proc")
 def test_a_camera_whose_process_is_killed_gets_another(tmp_path: Path) -> None:
-    bus, n_pictures, killed, done = Bus(), [0], [0], threading.Event()
-
-    def take(_: SceneVideo) -> None:
-        n_pictures[0] += 1
-        if n_pictures[0] == 10:
-            (killed[0],) = begun_by(os.getpid(), "tega_scene.camera_program")
-            os.kill(killed[0], signal.SIGKILL)
-        elif n_pictures[0] > 30:
-            done.set()
-
-    bus.subscribe(SceneVideo, take, vital=True)
-    with FilmServer() as server:
-        tree = settings(tmp_path / "session", {"name": "front", "source": server.url}, duration_s=120.0)
-        summary = filmed(tree, tmp_path, bus=bus, controls=Controls(stop=done.is_set))
+    with FilmServer() as server, FilmingRun(tmp_path, server.url) as run:
+        until(lambda: len(run.pictures) >= 10)
+        (camera,) = begun_by(os.getpid(), "tega_scene.camera_program")
+        os.kill(camera, signal.SIGKILL)
+        until(lambda: len(run.pictures) > 30 and run.said[-1:] == [""])
+        summary = run.end()
     reported = summary["scene"]["front"]
     assert (reported["lost"], reported["trouble"]) == (1, "")
+    assert any("its process ended" in one for one in run.said)
     recording = tmp_path / "session" / summary["recording"]["file"]
-    assert any("its process ended" in one.value.said for one in McapReader(recording).messages()
-               if one.schema == "tega.Alert")  # fmt: skip
-    assert export_camera(recording, "front", tmp_path / "front.mp4") == n_pictures[0]
-    assert len(list(read_pictures(tmp_path / "front.mp4"))) == n_pictures[0]
+    assert len(filmed(recording)) == len(run.pictures)
     assert not begun_by(os.getpid(), "tega_scene.camera_program")
 
 
@@ -225,7 +169,7 @@ def test_a_camera_that_is_not_there_refuses_the_run(
 ) -> None:
     film(tmp_path / "film.avi", 3)
     with pytest.raises(kind, match=message):
-        filmed(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
+        ran(settings(tmp_path / "session", {"name": "front", **camera}), tmp_path)
     assert not list((tmp_path / "session").glob("*.mcap*"))
     assert not begun_by(os.getpid(), "tega_scene.camera_program")
 
@@ -237,7 +181,7 @@ def test_whoever_gives_up_does_not_wait_for_a_camera(tmp_path: Path) -> None:
         source = f"http://127.0.0.1:{silent.getsockname()[1]}/film.mjpg"
         requested = iter(range(100))
         with pytest.raises(KeyboardInterrupt):
-            filmed(
+            ran(
                 settings(tmp_path / "session", {"name": "front", "source": source}),
                 tmp_path,
                 controls=Controls(stop=lambda: next(requested, None) is None),
@@ -298,7 +242,7 @@ def test_a_password_comes_from_the_environment(monkeypatch: pytest.MonkeyPatch, 
 def test_a_run_without_recording_and_page_opens_no_camera(tmp_path: Path) -> None:
     tree = settings(tmp_path, {"name": "front", "source": "/dev/video98"}, duration_s=0.2)
     del tree["recording"]
-    summary = filmed(tree, tmp_path)
+    summary = ran(tree, tmp_path)
     assert "scene: no camera was opened: the run was neither recorded nor shown" in summary["notes"]
 
 
@@ -310,7 +254,7 @@ def test_episodes_that_filmed_themselves_are_a_dataset_with_the_camera(tmp_path:
     film(tmp_path / "film.avi", 60)
     tree = settings(tmp_path / "session", {"name": "front", "source": "film.avi"}, duration_s=1.5)
     tree["tactile"] = {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": 5.0}}}
-    files = [tmp_path / "session" / str(filmed(tree, tmp_path)["recording"]["file"]) for _ in range(2)]
+    files = [tmp_path / "session" / str(ran(tree, tmp_path)["recording"]["file"]) for _ in range(2)]
     out = export_lerobot(files, tmp_path / "dataset", fps=10)
     reported = json.loads((out / "meta" / "info.json").read_text())
     assert reported["features"]["observation.images.front"]["shape"] == [HIGH, WIDE, 3]
