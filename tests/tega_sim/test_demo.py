@@ -31,6 +31,7 @@ from tega_sim.cli.demo import _print, demo
 from tega_sim.demo import DemoReport, demo_outputs
 from tega_sim.plan import TrialPlan
 from tega_sim.score import TrialEvent
+from tega_sim.streams import Streams
 from tega_sim.synthetic import SyntheticEmg, SyntheticEmgOptions, effort_at
 
 pytest.importorskip("mujoco", reason="needs the extra sim")
@@ -40,11 +41,13 @@ pytest.importorskip("mujoco", reason="needs the extra sim")
 def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("matplotlib", reason="needs the extra pictures")
     words = ("demo", "--fast", "--operator", "scripted", "--json", "--objects", "container", "--seed", "3")
-    report = json.loads(call(capsys, *words, "--out", tmp_path / "demo")[0])
+    more = ("--set", "vest.threshold=20", "--out", tmp_path / "demo")
+    report = json.loads(call(capsys, *words, *more)[0])
     (trial,) = report["trials"]
     assert {"slips", "deformations", "duration_s", "peak_force_n"} <= set(trial)
     expected = {"object": "container", "condition": "haptic", "seed": 3, "success": True}
     assert trial | expected == trial
+    assert trial["settings"] == ["vest.threshold=20"]
     assert report["simulated_s"] == trial["duration_s"]
     assert report["real_time_factor"] == pytest.approx(report["simulated_s"] / report["wall_s"])
     assert (tmp_path / "demo" / "demo.png").read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
@@ -65,10 +68,17 @@ def test_the_demo_lifts_is_felt_and_draws_it(tmp_path: Path, capsys: pytest.Capt
     assert there == {"2-mine", "2026-notes.txt", kept.name, "summary.json"}
 
 
-@pytest.mark.slow
+def dropped() -> DemoReport:
+    events = (TrialEvent("slip", 4.0, 0.012), TrialEvent("drop", 4.5))
+    trial = trial_result(success=False, drops=1, lifted_s=None, events=events)
+    return DemoReport(simulated_s=30.0, wall_s=3.0, real_time_factor=10.0, trials=[trial])
+
+
 def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(demo_module, "prepare_demo", lambda _plans: None)
+    monkeypatch.setattr(demo_module, "run_demo", lambda *_, **__: (dropped(), [Streams()]))
     for name in [name for name in sys.modules if name.split(".")[0] == "matplotlib"] + ["matplotlib"]:
         monkeypatch.setitem(sys.modules, name, None)
     out = tmp_path / "demo"
@@ -81,10 +91,7 @@ def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
 
 
 def test_the_demo_prints_a_page_without_keyboard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    events = (TrialEvent("slip", 4.0, 0.012), TrialEvent("drop", 4.5))
-    dropped = trial_result(success=False, drops=1, lifted_s=None, events=events)
-    report = DemoReport(simulated_s=30.0, wall_s=3.0, real_time_factor=10.0, trials=[dropped])
-    _print(report, real_time=False)
+    _print(dropped(), real_time=False)
     page = capsys.readouterr().out
     for word in ("bag", "dropped", "slip of 12.0 mm at 4.00 s", "10.0 times as fast"):
         assert word in page
@@ -151,16 +158,12 @@ def test_the_live_view_draws_ten_times_a_second_at_most_and_measures_rates() -> 
     assert "touch 60 Hz" in capture.get()
 
 
-def test_synthetic_emg_follows_an_effort_that_rises_and_lets_go_and_repeats() -> None:
+def test_synthetic_emg_follows_an_effort_that_rises_and_lets_go() -> None:
     course = [effort_at(t / 10, 10.0) for t in range(-10, 111)]
     assert max(course) == pytest.approx(0.97)
     assert course[:11] + course[-11:] == [0.02] * 22
-    source, signals = SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)), []
-    for _ in range(2):
-        with source:
-            signals.append(np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)]))
-    signal, again = signals
-    assert np.array_equal(signal, again)
+    with SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)) as source:
+        signal = np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)])
     assert signal.shape == (10_000, 3)
     early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
     assert np.all(early * 8 < squeezed)
