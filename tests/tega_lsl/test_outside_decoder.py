@@ -16,8 +16,7 @@ from reference.parts import Running
 from reference.processes import until
 from tega.config import check_tree
 from tega.errors import DeviceUnavailableError
-from tega.records import Alert, Intent, RunState
-from tega.records.bus import Bus
+from tega.records import Intent
 from tega.stages import MuscleSetup
 from tega_lsl.decoder import OutsideDecoder, OutsideOptions
 
@@ -52,8 +51,6 @@ while word[0] != "end":
 
 
 class Peer:
-    """The other process."""
-
     def __init__(self, name: str) -> None:
         self.name = name
         self.process = subprocess.Popen(
@@ -155,22 +152,22 @@ def test_a_run_holds_while_the_other_process_is_silent_and_goes_on_after_it(tmp_
             },
             "recording": {"dir": str(tmp_path / "rec"), "stop_free_mib": 0.0},
         }
-        bus, states, intents, alerts = Bus(), list[str](), list[Intent](), list[str]()
-        bus.subscribe(RunState, lambda reported: states.append(reported.state))
-        bus.subscribe(Intent, intents.append)
-        bus.subscribe(Alert, lambda reported: alerts.append(reported.said))
-        with Running(check_tree(tree, {}, base=tmp_path).config, bus) as run:
-            until(lambda: states[-1:] == ["active"])
+        with Running(check_tree(tree, {}, base=tmp_path).config) as run:
+
+            def closure() -> float | None:
+                return None if run.view.intent is None else run.view.intent.closure
+
+            until(lambda: run.view.state == "active")
             other.say("0.75")
-            until(lambda: intents[-1].closure == 0.75)
+            until(lambda: closure() == 0.75)
             other.say("stop")
-            until(lambda: states[-1] == "hold")
-            n = len(intents)
-            assert any("no channel can be believed" in message for message in alerts)
-            until(lambda: len(intents) > n + 5)
-            assert {intent.closure for intent in intents[n:]} == {0.75}
+            until(lambda: run.view.state == "hold")
+            n = len(run.views)
+            assert any("no channel can be believed" in one for one in run.view.alerts)
+            until(lambda: len(run.views) > n + 10)
+            assert {view.intent and view.intent.closure for view in run.views[n:]} == {0.75}
             other.say("0.5")
-            until(lambda: states[-1] == "active" and intents[-1].closure == 0.5)
+            until(lambda: run.view.state == "active" and closure() == 0.5)
     found = replay_file(tmp_path / "rec" / str(run.summary["recording"]["file"]))
     assert found.same
     assert {stream.stream for stream in found.streams} >= {"/emg/levels", "/beside/proportional/emg"}
