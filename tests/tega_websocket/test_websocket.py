@@ -103,7 +103,6 @@ class Peer:
                 self.send(t_ns=self.state["t_ns"], **command)
 
     def refusal(self) -> str:
-        """Return the next refusal."""
         while (message := self.receive())["type"] != "Refused":
             pass
         return str(message["why"])
@@ -318,7 +317,7 @@ def test_a_client_leads_the_arm_while_it_holds_dead_man_and_clutch() -> None:
     arm = {
         "session": {"pace": "real"},
         "arm": {"driver": "simulated-arm"},
-        "websocket": {"port": 0, "arm": True, "ttl_ms": 500},
+        "websocket": {"port": 0, "arm": True, "ttl_ms": 1500},
     }
     turn = [0, 0, 0, 1]
     with Run(arm) as running, Peer(running.url) as peer:
