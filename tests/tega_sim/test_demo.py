@@ -158,12 +158,16 @@ def test_the_live_view_draws_ten_times_a_second_at_most_and_measures_rates() -> 
     assert "touch 60 Hz" in capture.get()
 
 
-def test_synthetic_emg_follows_an_effort_that_rises_and_lets_go() -> None:
+def test_synthetic_emg_follows_an_effort_that_rises_and_lets_go_and_repeats() -> None:
     course = [effort_at(t / 10, 10.0) for t in range(-10, 111)]
     assert max(course) == pytest.approx(0.97)
     assert course[:11] + course[-11:] == [0.02] * 22
-    with SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)) as source:
-        signal = np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)])
+    source, signals = SyntheticEmg(SyntheticEmgOptions(seed=2, duration_s=10.0)), []
+    for _ in range(2):
+        with source:
+            signals.append(np.concatenate([chunk.samples for chunk in iter(lambda: source.read(0.0), None)]))
+    signal, again = signals
+    assert np.array_equal(signal, again)
     assert signal.shape == (10_000, 3)
     early, squeezed = (part.std(axis=0) for part in (signal[:900], signal[6300:7000]))
     assert np.all(early * 8 < squeezed)

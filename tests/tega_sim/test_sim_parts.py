@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import csv
-import importlib
-import sys
 import threading
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -19,6 +17,8 @@ from reference.scripted import MS, Sink, touching
 from reference.wired import wired_loop
 from tega.config import check_tree
 from tega.config.calibration import TouchMaxima
+from tega.devices.base import DeviceInfo, TactileFrame
+from tega.devices.vest.vest_recorder import VestRecorder
 from tega.errors import DeviceUnavailableError
 from tega.haptics import vest_frame
 from tega.loop import run_session
@@ -37,6 +37,7 @@ from tega_sim.hand import SimulatedBus
 from tega_sim.rig import SimulatedPacer
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
+from tega_sim.synthetic import SyntheticTouch, SyntheticTouchOptions
 
 Course = Sequence[tuple[float, Mapping[str, object]]]
 """Times, and what is so from then on."""
@@ -295,49 +296,28 @@ def test_a_set_duration_is_kept_and_takes_in_all_that_came_before_it() -> None:
     assert (loop.report.ended, loop.report.end_ns) == ("complete", 1000 * MS)
 
 
-PLUGIN = """
-from tega.devices.base import DeviceInfo
-from tega_sim.synthetic import SyntheticTouch
-from tega.devices.vest.vest_recorder import VestRecorder
-
-made, read = [], []
-
-class Driver(SyntheticTouch):
-    def __init__(self, options):
-        super().__init__(options)
-        made.append(self)
-
-    def read(self, timeout_s):
-        read.append(self)
-        return super().read(timeout_s)
-
-class LiveVest(VestRecorder):
-    @property
-    def info(self):
-        return DeviceInfo(driver="live-vest", kind="vest", label="written down", live=True)
-"""
-
-
 @pytest.fixture
-def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Install a tactile driver that remembers its instances and a vest that counts as a real one."""
-    folder = tmp_path / "site"
-    info = folder / "tega_test_skips-1.0.dist-info"
-    info.mkdir(parents=True)
-    (folder / "tega_test_skips.py").write_text(PLUGIN)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: tega_test_skips\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(
-        "[tega.devices]\ncounted-touch = tega_test_skips:Driver\nlive-vest = tega_test_skips:LiveVest\n"
-    )
-    monkeypatch.syspath_prepend(folder)
-    monkeypatch.delitem(sys.modules, "tega_test_skips", raising=False)
-    return importlib.import_module("tega_test_skips")
+def counted(monkeypatch: pytest.MonkeyPatch) -> tuple[list[Any], list[Any]]:
+    """Return the simulated fingertips that were made, and those that were read from, again for every picture."""
+    made, read = list[Any](), list[Any]()
+
+    class Counted(SyntheticTouch):
+        def __init__(self, options: SyntheticTouchOptions) -> None:
+            super().__init__(options)
+            made.append(self)
+
+        def read(self, timeout_s: float) -> TactileFrame | None:
+            read.append(self)
+            return super().read(timeout_s)
+
+    monkeypatch.setattr("tega_sim.synthetic.SyntheticTouch", Counted)
+    return made, read
 
 
 def session(tmp_path: Path, out: str, **tables: Any) -> Any:
     tree = {
         "session": {"pace": "fast", "out_dir": str(tmp_path / out)},
-        "tactile": {"index": {"driver": "counted-touch", "options": {"duration_s": 2.0}}},
+        "tactile": {"index": {"driver": "synthetic-touch", "options": {"duration_s": 2.0}}},
         **tables,
     }
     return check_tree(tree, {}, base=tmp_path).config
@@ -347,7 +327,8 @@ def our_threads() -> set[str]:
     return {t.name for t in threading.enumerate() if t.name.startswith("tega-")}
 
 
-def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> None:
+def test_a_session_of_one_finger_knows_no_other(counted: tuple[list[Any], list[Any]], tmp_path: Path) -> None:
+    made, read = counted
     while_measuring: set[str] = set()
     views: list[LoopView] = []
     running: set[str] = set()
@@ -360,20 +341,20 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
         running.update(our_threads())
 
     first = run_session(session(tmp_path, "one"), progress=progress, bus=observed(observer))
-    assert len(plugin.made) == 1
-    assert plugin.read == plugin.made * len(plugin.read)
+    assert len(made) == 1
+    assert read == made * len(read)
     assert while_measuring == {"tega-index"}  # the finger's own
     assert running == set()  # all was measured beforehand
 
-    plugin.made.clear()
-    plugin.read.clear()
+    made.clear()
+    read.clear()
     calibration = {"file": str(tmp_path / "one" / "calibration.toml")}
     np.save(tmp_path / "gel.npy", Gel(0).still())
-    finger = {"driver": "counted-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
+    finger = {"driver": "synthetic-touch", "baseline": "gel.npy", "options": {"duration_s": 2.0}}
     config = session(tmp_path, "two", calibration=calibration, tactile={"index": finger})
     second = run_session(config, bus=observed(observer))
-    assert len(plugin.made) == 1
-    assert len(plugin.read) == 120 + 5  # each once, and five before to compare the baseline with
+    assert len(made) == 1
+    assert len(read) == 120 + 5  # each once, and five before to compare the baseline with
     assert running <= {"tega-index", "tega-recordings"}  # one reads, one measures
     assert our_threads() == set()
     for summary in (first, second):
@@ -386,11 +367,14 @@ def test_a_session_of_one_finger_knows_no_other(plugin: Any, tmp_path: Path) -> 
     assert "thumb" not in (tmp_path / "one" / "calibration.toml").read_text()
 
 
-@pytest.mark.usefixtures("plugin")
-@pytest.mark.parametrize(("driver", "n_sent"), [("live-vest", 60), ("vest-recorder", 0)])
-def test_a_vest_that_does_not_spare_itself_gets_every_frame(tmp_path: Path, driver: str, n_sent: int) -> None:
-    vest = {"driver": driver, "options": {"file": "mine.csv"}}
+@pytest.mark.parametrize(("live", "n_sent"), [(True, 60), (False, 0)])
+def test_a_vest_that_does_not_spare_itself_gets_every_frame(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, live: bool, n_sent: int
+) -> None:
+    info = DeviceInfo(driver="vest-recorder", kind="vest", label="written down", live=live)
+    monkeypatch.setattr(VestRecorder, "info", info)
+    vest = {"driver": "vest-recorder", "options": {"file": "mine.csv"}}
     text = run_session(session(tmp_path, "out", vest=vest))["vest"]
-    assert text["sinks"] == [driver, "vest-recorder"]
+    assert text["sinks"] == ["vest-recorder"] * 2
     assert (text["frames"], text["sent"], text["skipped"]) == (60, n_sent, 0)
     assert (tmp_path / "mine.csv").read_bytes() == (tmp_path / "out" / "vest.csv").read_bytes()

@@ -181,25 +181,20 @@ def test_the_skin_adapts_over_minutes_and_recovers() -> None:
     assert felt._adapted == pytest.approx(np.ones((2, 4)), abs=0.02)
 
 
-def share_weaker(before: int, after: float, seconds: float, windows: int) -> float:
-    noticed = 0
-    who = with_(UNADAPTED, "vest", panel_swap=0, lapse=0, threshold=0.01)
-    for seed in range(windows):
-        felt, t_s = skin(who, seed), 0.0
-        felt._moving[:] = before / 15
-        for n in range(10 + round(seconds * 20)):
-            if n == 10:
-                felt._moving[:] = before / 15 / after
-            felt._moving[0] = 0.0  # the back alone
-            t_s = n / 20
-            felt.check(t_s, 0.05)
-            noticed += felt.weaker(t_s, (True, True)) is not None
-    return noticed / windows
-
-
 @pytest.mark.parametrize(("fall", "chance"), [(1.5, 0.63), (1.0, 0.0)])
 def test_weakening_is_noticed_as_often_as_the_rule_says(fall: float, chance: float) -> None:
-    assert share_weaker(15, fall, 0.5, 300) == pytest.approx(chance, abs=0.08)
+    noticed, n_windows = 0, 300
+    who = with_(UNADAPTED, "vest", panel_swap=0, lapse=0, threshold=0.01)
+    for seed in range(n_windows):
+        felt = skin(who, seed)
+        felt._moving[:] = 1.0
+        for n in range(20):  # half a second before the fall, and half after it
+            if n == 10:
+                felt._moving[:] = 1 / fall
+            felt._moving[0] = 0.0  # the back alone
+            felt.check(n / 20, 0.05)
+            noticed += felt.weaker(n / 20, (True, True)) is not None
+    assert noticed / n_windows == pytest.approx(chance, abs=0.08)
 
 
 @pytest.mark.slow

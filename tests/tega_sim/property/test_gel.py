@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from reference.gel import pad_pose
 from tega import _native
+from tega.arm.rotation import to_matrix, unit
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.tactile import ContactReader, read_contact
 from tega_sim.gel import HEIGHT, PX_PER_MM, WIDTH, Gel, ball
@@ -31,14 +32,7 @@ turns = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q
 
 
 def rotation(q):
-    w, x, y, z = np.array(q) / np.linalg.norm(q)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
+    return to_matrix(unit(np.array(q)))
 
 
 @st.composite
