@@ -4,25 +4,20 @@ from __future__ import annotations
 
 import csv
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
-from reference.parts import observed
+from reference.parts import Running
+from reference.processes import until
 from reference.sessions import read_recorded
 from tega.config import check_tree
-from tega.loop import LoopView, run_session
-from tega.loop.controls import Controls
-from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.recording.replay.play import play_file
 from tega.recording.trim import trim_session
 from tega.records import Event, HandLook, VestFrame
 from tega.records.bus import Bus
-from tega.records.schema import read
 from tega_emulators.lab import emulated_lab
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
@@ -34,26 +29,13 @@ def test_a_run_looks_at_hand_and_arm_and_goes_by_touch_while_the_hand_is_silent(
         lab.tree["stages"] = {"mapping": {"name": "pulses"}}
         lab.tree["recording"] = {"dir": str(tmp_path / "recorded"), "lossless": True}
         lab.tree["hand"]["options"] |= {"silent_after_ms": 300.0, "reconnects": 5}
-        until_s, seen_ns, cycled = time.monotonic() + 60, list[int](), False
-
-        def check(view: LoopView) -> None:
-            nonlocal cycled
-            seen_ns.append(view.t_ns)
-            if not cycled and view.t_ns - seen_ns[0] > 1e9:
-                cycled = True
-                lab.hand.say("power-cycle")
-
-        summary = run_session(
-            check_tree(lab.tree, {}, base=tmp_path).config,
-            controls=Controls(
-                stop=lambda: (
-                    (len(seen_ns) > 0 and seen_ns[-1] - seen_ns[0] > 5e9) or time.monotonic() > until_s
-                )
-            ),
-            bus=observed(check),
-        )
+        with Running(check_tree(lab.tree, {}, base=tmp_path).config) as run:
+            until(lambda: run.view.t_ns > 1e9)
+            lab.hand.say("power-cycle")
+            until(lambda: run.view.t_ns > 5e9)
+            summary = run.end()
     file = tmp_path / "recorded" / summary["recording"]["file"]
-    looks = [read(HandLook, m.value) for m in McapReader(file).messages() if m.topic == HandLook.topic]
+    looks = read_recorded(file, HandLook).of(HandLook)
     whole = [check.closure is not None for check in looks]
     turns = [now for n, now in enumerate(whole) if n == 0 or whole[n - 1] != now]
     assert turns[-3:] == [True, False, True], turns
@@ -85,9 +67,10 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]
     from tega_sim.trial import TrialPlan, run_trial
 
     lifts = {}
-    for rule in ("touch", "hand"):
+    # Trials go by touch unless their settings say so.
+    for rule, settings in (("touch", ()), ("hand", ("stages.slips=hand",))):
         folder = tmp_path_factory.mktemp(f"by-{rule}")
-        plan = TrialPlan(**_PLAN, settings=(f"stages.slips={rule}",))
+        plan = TrialPlan(**_PLAN, settings=settings)
         result = run_trial(plan, recorder=LiftRecorder(folder / "recorded", real_time=False))
         (file,) = (folder / "recorded").glob("*.mcap")
         lifts[rule] = result, file
@@ -95,9 +78,7 @@ def lift(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[Any, Path]
 
 
 def _slips_s(file: Path) -> list[float]:
-    reader = McapReader(file)
-    events = [read(Event, m.value) for m in reader.messages() if m.topic == Event.topic]
-    return [event.taken_ns / 1e9 for event in events if event.kind == "slip"]
+    return [one.taken_ns / 1e9 for one in read_recorded(file, Event).of(Event) if one.kind == "slip"]
 
 
 def test_joints_and_height_tell_a_slide_where_touch_does_not(lift: dict[str, tuple[Any, Path]]) -> None:
@@ -118,8 +99,7 @@ def test_a_recording_replays_by_its_own_rule(lift: dict[str, tuple[Any, Path]], 
         assert replay.same, (rule, [stream for stream in replay.streams if stream.differ])
         (events,) = (stream for stream in replay.streams if stream.stream == Event.topic)
         assert events.recorded == events.replayed > 3
-        looks = [m for m in McapReader(file).messages() if m.topic == HandLook.topic]
-        assert (len(looks) > 500) == (rule == "hand")
+        assert (len(read_recorded(file, HandLook).of(HandLook)) > 500) == (rule == "hand")
     # A part of it as well: what was seen of the hand before goes with it.
     part = trim_session(lift["hand"][1], from_s=4.0, to_s=None, out=tmp_path / "part")
     replay = replay_file(part)
@@ -138,10 +118,3 @@ def test_a_played_recording_tells_the_same_slips(lift: dict[str, tuple[Any, Path
     with (tmp_path / "out" / "vest.csv").open(newline="") as text:
         now = {float(row[0]): [int(v) for v in row[1:]] for row in list(csv.reader(text))[1:]}
     assert now == then
-
-
-def test_simulated_trials_tell_slips_by_touch_by_default(lift: dict[str, tuple[Any, Path]]) -> None:
-    from tega_sim.trial import TrialPlan, run_trial
-
-    touch = lift["touch"][0]
-    assert run_trial(TrialPlan(**_PLAN)) == msgspec.structs.replace(touch, settings=())
