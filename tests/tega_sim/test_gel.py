@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -11,21 +10,14 @@ import pytest
 
 from tega import _native
 from tega.errors import InvalidValueError, ShapeError
-from tega.haptics import MotorLevels
 from tega.loop.inbox.frames import FrameMeter
 from tega.loop.inbox.sources import SourceReport
 from tega.stages.base import FingerSetup
 from tega.stages.metrics import LiveMetric, LiveOptions, PaperMetric
 from tega.tactile import TouchTracker
-from tega.wire import CanFrame
 from tega_figures.closeness import aimed_ball
 from tega_sim.gel import PX_PER_MM, Gel, ball
-from tega_sim.hand import SimulatedBus
-from tega_sim.lab import lab_of
-from tega_sim.plan import TrialPlan
-from tega_sim.rig import TrialRig
 from tega_sim.seams import Indenter
-from tega_sim.trial import run_trial
 
 STRAIGHT = np.hstack([np.eye(3), np.zeros((3, 1))])
 
@@ -218,10 +210,6 @@ def test_memory_hangs_on_times_and_not_on_how_many_frames_were_seen() -> None:
         seen = some.frame(press, number)
         assert every.displacement_mm() == pytest.approx(some.displacement_mm(), abs=2e-3)
         assert np.abs(displayed.astype(int) - seen).max() <= 1
-    again = Gel(5, memory=True)
-    for number in range(151):
-        last = again.frame([ball(force_n=3.0)] if 30 <= number < 90 else [], number)
-    assert np.array_equal(last, displayed)
 
 
 def test_memory_off_is_no_memory_and_forgetting_is_a_new_gel() -> None:
@@ -252,7 +240,6 @@ def test_a_gel_with_memory_left_alone_drifts_as_a_recorded_one() -> None:
     assert np.median(drifts) > 1.5 * np.median([most(Gel(seed)) for seed in range(8)])
 
 
-SCRIPTED = TrialPlan(object="container", operator="scripted", seed=3)
 FRAME_NS = 16_666_667
 
 
@@ -307,35 +294,3 @@ def test_only_a_metric_that_says_what_sums_mean_is_given_them_and_each_counts_as
         contact = meter.take_sums(number, number * FRAME_NS, gel.sums([], number))
         assert contact.t_ns == number * FRAME_NS
     assert (report.n_items, report.n_missing, meter.seq, meter.next_seq) == (3, 2, 4, 5)
-
-
-@pytest.mark.slow
-def test_sums_give_vest_and_hand_the_bytes_of_painted_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
-    reported: list[tuple[int, object]] = []
-    painted: list[int] = []
-    wear, move, frame = TrialRig.write, SimulatedBus.write, Gel.frame
-
-    def worn(rig: TrialRig, t_ns: int, levels: MotorLevels) -> None:
-        reported.append((t_ns, levels.intensities.tobytes()))
-        wear(rig, t_ns, levels)
-
-    def moved(bus: SimulatedBus, t_ns: int, frames: Sequence[CanFrame]) -> Sequence[CanFrame]:
-        reported.append((t_ns, tuple(frames)))
-        return move(bus, t_ns, frames)
-
-    def paint(gel: Gel, indenters: Any, index: int, **named: Any) -> Any:
-        painted.append(index)
-        return frame(gel, indenters, index, **named)
-
-    lab_of(SCRIPTED.seed, SCRIPTED.preset, SCRIPTED.settings)  # its calibration is of pictures
-    monkeypatch.setattr(TrialRig, "write", worn)
-    monkeypatch.setattr(SimulatedBus, "write", moved)
-    monkeypatch.setattr(Gel, "frame", paint)
-    result = run_trial(SCRIPTED)
-    by_cells, reported = reported, []
-    assert not painted
-    assert run_trial(SCRIPTED, skip_untouched=False) == result
-    assert painted
-    assert any(any(data) for _, data in by_cells if isinstance(data, bytes))
-    assert reported == by_cells

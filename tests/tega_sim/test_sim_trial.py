@@ -18,6 +18,8 @@ pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
 from reference.command import call
 from tega.errors import ConfigError, InvalidValueError, RecordingError
+from tega.records import Contact, Intent
+from tega.records.bus import Bus
 from tega_sim import trials as trials_module
 from tega_sim.filling import HOLD_S, PORTION_N, Filling
 from tega_sim.gel import Gel
@@ -81,27 +83,43 @@ def test_sensors_and_truth_agree_on_touch_and_tables_hold_what_arrays_do(tmp_pat
     assert float(lines[-1].split(",")[0]) == pytest.approx(streams.array("truth", "t_s")[-1])
 
 
+class Unseeing(Streams):
+    """Wants no pictures, so that only sums over their cells are computed."""
+
+    def listen(self, bus: Bus) -> None:
+        bus.subscribe(Contact, self._contact, vital=True)
+        bus.subscribe(Intent, self._intent, vital=True)
+
+
 @pytest.mark.slow
-def test_a_lift_repeats_bit_for_bit_and_is_the_same_with_every_fingertip_rendered(lift) -> None:
+def test_a_lift_repeats_bit_for_bit_by_sums_over_cells_and_with_every_fingertip_painted(
+    lift, monkeypatch: pytest.MonkeyPatch
+) -> None:
     result, streams = lift
-    again, rendered = Streams(), Streams()
-    assert run_trial(SCRIPTED, streams=again) == result
-    assert again.rows == streams.rows
-    assert run_trial(SCRIPTED, streams=rendered, skip_untouched=False) == result
-    for table in ("truth", "contacts", "levels", "vest"):
-        assert rendered.rows[table] == streams.rows[table]
+    painted: list[int] = []
+    frame = Gel.frame
+
+    def paint(gel: Gel, indenters: Any, index: int, **named: Any) -> Any:
+        painted.append(index)
+        return frame(gel, indenters, index, **named)
+
+    monkeypatch.setattr(Gel, "frame", paint)
+    for kept, skips in ((Unseeing(), True), (Streams(), False)):
+        assert run_trial(SCRIPTED, streams=kept, skip_untouched=skips) == result
+        assert (not painted) == skips
+        assert kept.rows == streams.rows
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("condition", ["non-haptic", "constant", "true-force"])
 def test_pictures_that_nobody_sees_change_nothing(condition: str, monkeypatch: pytest.MonkeyPatch) -> None:
     plan = TrialPlan.checked({"object": "bag", "condition": condition, "seed": 2})
-    rendered = run_trial(plan, skip_untouched=False)
+    rendered = run_trial(plan, skip_untouched=False, practised=False)
     n_rendered: list[int] = []
     lab_of(plan.seed, plan.preset, plan.settings)  # its calibration is of pictures
     for made in ("frame", "sums"):
         monkeypatch.setattr(Gel, made, lambda _gel, _indenters, index, **_named: n_rendered.append(index))
-    assert run_trial(plan) == rendered
+    assert run_trial(plan, practised=False) == rendered
     assert not n_rendered
 
 
@@ -209,17 +227,6 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     out.write_text("something else\n")
     with pytest.raises(RecordingError, match="line 1"):
         run_trials(plans, out=out)
-
-
-@pytest.mark.slow
-def test_the_verb_prints_trials_and_means(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    words = ["sim", "trials", "--objects", "bag", "--conditions", "non-haptic", "--seeds", "1"]
-    words += ["--operator", "scripted", "--out", str(tmp_path / "a.jsonl")]
-    report = json.loads(call(capsys, *words, "--jobs", 1, "--json")[0])
-    assert set(report) == {"trials", "table", "wall_s", "simulated_s", "jobs"}
-    assert report["trials"][0]["condition"] == report["table"][0]["condition"] == "non-haptic"
-    assert "1 trials with 1 simulated persons" in call(capsys, *words)[0]
-    assert "brick" in call(capsys, "sim", "trials", "--objects", "brick", "--seeds", 1, code=1)[1]
 
 
 def test_without_the_extra_one_line_says_what_to_install(
