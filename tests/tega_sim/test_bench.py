@@ -147,7 +147,7 @@ def test_what_is_not_installed_is_listed_and_left_out(monkeypatch):
 
 @pytest.mark.slow
 def test_the_verb_prints_what_its_help_says(monkeypatch, tmp_path, capsys):
-    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:2])
+    monkeypatch.setattr(report, "SIZES", scenes.SIZES[:1])
     monkeypatch.setattr(widths, "WIDTHS", widths.WIDTHS[:1])
     monkeypatch.setattr(timing, "MOST_ROUNDS", 3)
     picture = tmp_path / "pareto.png"
