@@ -278,7 +278,7 @@ def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
     pytest.importorskip("mcap")
     with emulated_lab(tmp_path, emg_hz=250.0, vest=True, fingers=("thumb",), touch=PRESSED) as lab:
         assert lab.vest is not None
-        lab.tree["session"] = {"duration_s": 4.0}
+        lab.tree["session"] = {"duration_s": 2.5}
         lab.tree["recording"] = {"dir": "rec"}
         config = check_tree(lab.tree, {}, base=tmp_path).config
         with pressing(lab):
@@ -286,8 +286,15 @@ def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
         assert without["motor_onset"] is None
         assert "skin" not in without["latency_ms"]["touch"]
         device = f"127.0.0.1_{lab.vest.address['port']}"
-        for motor_number, ms in ((0, 80.0), (7, 90.0)):
-            _keep(tmp_path / "calibrations", device, motor_number, ms)
+        home, earlier = CalibrationFolder(tmp_path / "calibrations"), LOG.made.replace(hour=3)
+        for number, made, ms in ((0, earlier, 1.0), (0, LOG.made, 80.0), (7, LOG.made, 90.0)):
+            home.keep_onset(  # the newer one of a motor counts
+                OnsetRecord(
+                    device=device, driver="bhaptics-player", made=made, layout="x40", motor=number, percent=60,
+                    onset_ms=ms, middle_half_ms=(ms, ms), worst_ms=ms, half_strength_ms=ms, bursts=15,
+                    used=15, spin_hz=150.0, clock="clicks", clock_uncertainty_ms=8.0,
+                )
+            )  # fmt: skip
         known = motor_onset(config)
         assert known is not None
         assert known.ms == 85.0
@@ -304,15 +311,3 @@ def test_a_run_adds_what_was_measured_and_says_when(tmp_path: Path) -> None:
     whole, skin = stages["camera to vest: whole"], stages["camera to skin, with that"]
     assert skin.worst_ms == pytest.approx(whole.worst_ms + 85.0)
     assert (skin.p99_ms is None) == (skin.n < 100)
-
-
-def _keep(folder: Path, device: str, motor_number: int, ms: float) -> None:
-    home = CalibrationFolder(folder)
-    for made, value in ((LOG.made.replace(hour=3), 1.0), (LOG.made, ms)):  # the newer one counts
-        home.keep_onset(
-            OnsetRecord(
-                device=device, driver="bhaptics-player", made=made, layout="x40", motor=motor_number, percent=60,
-                onset_ms=value, middle_half_ms=(value, value), worst_ms=value, half_strength_ms=value, bursts=15,
-                used=15, spin_hz=150.0, clock="clicks", clock_uncertainty_ms=8.0,
-            )
-        )  # fmt: skip

@@ -164,8 +164,6 @@ def test_a_player_that_reads_nothing_gets_few_frames_and_no_queue() -> None:
 
 
 class _Careless(PlayerVest):
-    """A driver whose link has a bug."""
-
     def _new_link(self) -> Any:
         link: Any = super()._new_link()
         link.ready = lambda _timeout_s: 1 // self.divisor

@@ -159,7 +159,6 @@ def test_the_table_sheet_has_its_tags_where_the_layout_says(tmp_path: Path) -> N
 
 @pytest.fixture(scope="module")
 def lifted() -> SceneTrack:
-    """Return what was seen of the known lift."""
     trial = known_lift()
     return track_scene(rendered(trial).pictures(), SMALL, rendered(trial).layout)
 

@@ -41,10 +41,6 @@ LET_FALL = (
 VEST_TICK_S = 1 / 30
 
 
-def away(end_s: float) -> tuple[Step, ...]:
-    return Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(end_s, "done", 1, (0.0, 0.15), 0.0)
-
-
 class Wearer(ScriptedOperator):
     def __init__(self, course: tuple[Step, ...]) -> None:
         super().__init__(course)
@@ -171,7 +167,8 @@ def test_a_vest_of_another_trial_is_that_one_s_byte_for_byte_and_knows_nothing_o
     assert any(frame.intensities.any() for _, frame in recorded)
     touching, seen = lift(lab, condition, course, name=name)
     assert course is TOUCH or (seen.array("truth", "slip_m_s") >= SLIP_M_S).any()
-    untouched, free = lift(lab, condition, away(course[-1].t_s), name=name)
+    away = (Step(0.0, "reach", 1, (0.0, 0.15), 0.1), Step(course[-1].t_s, "done", 1, (0.0, 0.15), 0.0))
+    untouched, free = lift(lab, condition, away, name=name)
     assert not any(free.array("truth", f"{finger}_force_n").any() for finger in FINGERS)
     looks = min(len(touching.worn), len(untouched.worn))
     assert touching.worn[1:looks] == untouched.worn[1:looks]
