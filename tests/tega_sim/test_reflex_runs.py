@@ -185,7 +185,7 @@ def test_a_recorded_lift_with_a_reflex_is_computed_again_bit_for_bit(tmp_path: P
     settings = ("stages.reflex.name=grip", "stages.reflex.authority=1", "stages.reflex.options.keep_s=1")
     plan = TrialPlan(object="bottle", condition="haptic-reflex", seed=3, settings=settings, friction=0.45)
     recorder = LiftRecorder(tmp_path / "rec", real_time=False)
-    run_trial(plan, recorder=recorder)
+    run_trial(plan, recorder=recorder, practised=False)
     (file,) = (tmp_path / "rec").rglob("*.mcap")
     found = replay_file(file)
     assert found.same
