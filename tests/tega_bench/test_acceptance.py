@@ -54,6 +54,13 @@ def bench() -> Iterator[EmulatedBench]:
         yield up
 
 
+@pytest.fixture(autouse=True)
+def _watched_for_less(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Watch for half as long as a real device, of which less is known: an emulated one sends the same all the time."""
+    for module in ("leading", "sensors"):
+        monkeypatch.setattr(f"tega_bench.acceptance.{module}._WATCH_S", 2.5)
+
+
 @pytest.fixture
 def settings(bench: EmulatedBench, tmp_path: Path) -> Path:
     bench.write_settings(tmp_path / "lab.toml")
