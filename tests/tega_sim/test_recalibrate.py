@@ -133,7 +133,11 @@ def refitted(folder: Path, rate_hz: int, first: Ten, today: Ten) -> tuple[Learne
 
 @pytest.mark.parametrize(
     ("name", "seed", "places", "lost", "bar"),
-    [("v1", 2, 1, 0.6, 0.84), ("v10", 2, 1, 0.9, 0.95), ("v12", 2, 2, 0.0, 0.8)],
+    [
+        ("v1", 2, 1, 0.6, 0.84),
+        pytest.param("v10", 2, 1, 0.9, 0.95, marks=pytest.mark.deep),
+        pytest.param("v12", 2, 2, 0.0, 0.8, marks=pytest.mark.deep),
+    ],
 )
 def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrodes(
     name: str, seed: int, places: int, lost: float, bar: float, tmp_path: Path
@@ -152,7 +156,7 @@ def test_ten_seconds_restore_the_rank_correlation_after_a_shift_of_the_electrode
     assert after > bar
 
 
-@pytest.mark.parametrize("seed", [4, 5])
+@pytest.mark.parametrize("seed", [4, pytest.param(5, marks=pytest.mark.deep)])
 def test_ten_seconds_restore_the_closure_of_a_simulated_person(seed: int, tmp_path: Path) -> None:
     """Simulated: each electrode sees 0.3 of the next muscle, with another gain: the order is kept, closures are not."""
     person, rate_hz, tau = draw_person(seed), 250, 25
