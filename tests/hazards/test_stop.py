@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
-import pty
 import resource
 import signal
 import subprocess
@@ -17,10 +15,10 @@ from pathlib import Path
 import pytest
 
 from hazards.bench import Lab, closed, column, lab
+from reference.processes import in_terminal
 
 pytestmark = pytest.mark.slow
 
-RUN = [sys.executable, "-m", "tega.ui.cli", "run"]
 whole = partial(lab, emg=True, hand=True, vest=True, fingers=("thumb",))
 
 
@@ -50,11 +48,12 @@ def test_a_signal_stops_and_leaves_all_safe(tmp_path: Path, number: signal.Signa
     with whole(tmp_path) as made:
         running = start(made)
         running.send_signal(number)
-        out, _ = running.communicate(timeout=60)
+        out, err = running.communicate(timeout=60)
         assert made.limp()
         made.until(made.at_rest)
     summary = json.loads(out)
     assert summary["ended"] == "stopped"
+    assert err.splitlines()[-1] == b"stopped"
     assert summary["safety"]["changes"][-1] == {
         "t_s": summary["duration_s"], "state": "stopped", "reason": f"stopped: {reason}"
     }  # fmt: skip
@@ -76,24 +75,11 @@ def test_impatience_stops_as_well(tmp_path: Path) -> None:
 
 def test_a_key_stops(tmp_path: Path) -> None:
     with whole(tmp_path) as made:
-        master, slave = pty.openpty()
-        words = [*RUN, str(made.write_settings())]
-        running = subprocess.Popen(words, stdin=slave, stderr=slave, stdout=subprocess.PIPE)
-        made.running.append(running)
-        os.set_blocking(master, False)
-        displayed: list[bytes] = []
-
-        def drawn() -> bytes:
-            with contextlib.suppress(BlockingIOError):
-                displayed.append(os.read(master, 65536))
-            return b"".join(displayed)
-
-        made.until(lambda: b"ACTIVE" in drawn() and column(made, 0) and closed(made))
-        os.write(master, b" ")
-        made.until(lambda: (drawn(), running.poll())[1] is not None)
-        out, _ = running.communicate()
-        os.close(slave)
-        os.close(master)
+        with in_terminal("run", made.write_settings()) as (running, keys, drawn):
+            made.until(lambda: b"ACTIVE" in drawn() and column(made, 0) and closed(made))
+            os.write(keys, b" ")
+            made.until(lambda: (drawn(), running.poll())[1] is not None)
+            out = drawn()
         assert made.limp()
         made.until(made.at_rest)
     assert running.returncode == 130

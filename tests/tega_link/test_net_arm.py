@@ -7,7 +7,7 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import groupby
 from pathlib import Path
 
@@ -158,61 +158,21 @@ def _rows(folder: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-# Ten times what the stations state, for a machine that does much else.
-_HOLD_S, _NO_DATA_S = 1.0, 5.0
-
-
-@pytest.fixture(scope="module")
-def scene(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StationScene]:
+def test_nothing_of_what_waited_in_a_stall_is_used(tmp_path: Path) -> None:
     # So long a lease that a link outlives its silence, and all that waited in it comes at once.
-    with StationScene(tmp_path_factory.mktemp("stations"), net={"lease_ms": 10_000.0}) as scene:
-        yield scene
-
-
-def _first(changes: list[tuple[float, object]], begun_s: float, *wanted: object) -> float:
-    """Return how long after a time something became one of what is wanted."""
-    return next((t_s - begun_s for t_s, subject in changes if subject in wanted), float("inf"))
-
-
-def test_nothing_of_what_waited_in_a_stall_is_used(scene: StationScene) -> None:
-    begun_s = time.monotonic()
-    old = scene.robot.now["refused"].get("old", 0)
-    scene.link.stall()
-    time.sleep(2.5)
-    scene.link.resume()
-    until(lambda: scene.robot.now["refused"].get("old", 0) > old + 20)
-    until(scene.ready)
-    assert _first(scene.robot.since(begun_s, "state"), begun_s, "hold") < _HOLD_S
-    assert scene.robot.now["stale"] == 0
-    assert scene.robot.now["arm"].startswith("stopped")  # however well the link is again
-
-
-def test_a_frozen_operator_leaves_hand_and_arm_held(scene: StationScene) -> None:
-    scene.take_hold()
-    begun_s = time.monotonic()
-    scene.operator.hold_up(on=True)
-    try:
-        until(lambda: scene.robot.now["state"] == "idle" and "stopped" in scene.robot.now["arm"])
-    finally:
-        scene.operator.hold_up(on=False)
-    assert _first(scene.robot.since(begun_s, "state"), begun_s, "hold") < _HOLD_S
-    arm = [(t_s, str(words).partition(":")[0]) for t_s, words in scene.robot.since(begun_s, "arm")]
-    assert _first([*arm], begun_s, "holding", "idle") < _HOLD_S
-    until(scene.ready)
-    assert scene.robot.now["stale"] == 0
-
-
-def test_a_cut_link_silences_the_vest_and_says_so(scene: StationScene) -> None:
-    scene.take_hold()
-    begun_s = time.monotonic()
-    scene.link.cut()
-    try:
-        until(lambda: bool(scene.operator.now["no_data"]))
-        assert not scene.operator.now["felt"]
-    finally:
-        scene.link.mend()
-    assert _first(scene.operator.since(begun_s, "no_data"), begun_s, True) < _NO_DATA_S
-    until(scene.ready)
+    with StationScene(tmp_path, net={"lease_ms": 10_000.0}) as scene:
+        begun_s = time.monotonic()
+        old = scene.robot.now["refused"].get("old", 0)
+        scene.link.stall()
+        time.sleep(2.5)
+        scene.link.resume()
+        until(lambda: scene.robot.now["refused"].get("old", 0) > old + 20)
+        until(scene.ready)
+        held_s = [t_s for t_s, state in scene.robot.since(begun_s, "state") if state == "hold"]
+        # Ten times what the station states, for a machine that does much else.
+        assert held_s[0] - begun_s < 1.0
+        assert scene.robot.now["stale"] == 0
+        assert scene.robot.now["arm"].startswith("stopped")  # however well the link is again
 
 
 def test_what_a_link_keeps_back_comes_whole_and_in_order() -> None:

@@ -51,6 +51,7 @@ def test_what_a_rater_saw_whole_counts_and_the_first_rater_wins(folder: Path) ->
             assert first.press("slip", 11 * S) == second.press("slip", 13 * S) == ""
             main.add("lift_off", t_ns=12 * S, trial=1, source="auto")
             main.add("slip", t_ns=12 * S, trial=1, source="experimenter")
+            main.add("deformation", t_ns=13 * S, trial=1, source="experimenter")
             assert first.press("slip", 14 * S) == ""
             assert first.press("deformation", 14 * S) == ""
             assert first.undo(15 * S) == ""
@@ -68,7 +69,7 @@ def test_what_a_rater_saw_whole_counts_and_the_first_rater_wins(folder: Path) ->
     assert "sessions/p01/observers/r1.jsonl:3" in trial.events
     observer_path(folder, "p01", "r1").unlink()
     [trial] = study_trials(folder)[1]
-    assert (trial.rater, trial.slips_before, trial.slips) == ("", 0, 1)
+    assert (trial.rater, trial.slips_before, trial.slips, trial.deformations) == ("", 0, 1, 1)
 
 
 def test_a_console_that_was_away_says_so_and_its_trial_does_not_count(folder: Path) -> None:

@@ -24,7 +24,7 @@ from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.score.boris import export_boris
 from tega_study.state import resume
 from tega_study.study_notes import OBJECTS, ObjectFacts, note_object, read_objects, withdrawn_ids
-from tega_study.trials import study_trials, trials_of_events
+from tega_study.trials import study_trials
 
 START_NS = 1_763_720_000_123_456_789
 
@@ -109,24 +109,6 @@ def test_a_session_that_ended_in_a_trial_repeats_it_at_the_end_of_its_block(fold
         assert state.status[1] == "aborted_technical"
         same_block = [trial.trial for trial in plan.of("p01") if trial.block == 1]
         assert state.next == ((same_block[1], 1) if len(same_block) > 1 else (1, 2))
-
-
-def test_trials_are_counted_from_events_with_undo_and_override(folder: Path) -> None:
-    plan = read_plan(folder)
-    with Journal(folder / "x" / "e.jsonl") as journal:
-        journal.add("trial_start", t_ns=0, trial=1)
-        journal.add("slip", t_ns=10**9, trial=1)
-        journal.add("lift_off", t_ns=2 * 10**9, trial=1)
-        wrong = journal.add("slip", t_ns=3 * 10**9, trial=1)
-        journal.add("slip", t_ns=4 * 10**9, trial=1)
-        journal.add("deformation", t_ns=4 * 10**9, trial=1)
-        journal.add("undo", t_ns=5 * 10**9, trial=1, undone=wrong.n)
-        journal.add("trial_end", t_ns=12 * 10**9, trial=1, status="done", success=True)
-        journal.add("override", t_ns=13 * 10**9, trial=1, success=False)
-    (trial,) = trials_of_events(plan.of("p01"), journal.events, where="e")
-    assert (trial.slips, trial.slips_before, trial.deformations, trial.success) == (1, 1, 1, False)
-    assert (trial.duration_s, trial.lift_off_s) == (12.0, 2.0)
-    assert trial.events == tuple(f"e:{n}" for n in range(1, 10))
 
 
 def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> None:

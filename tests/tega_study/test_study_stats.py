@@ -30,8 +30,6 @@ from tega_study.people import (
     poisson_rates,
     ratio_of_means,
     shares,
-    sign_flip,
-    within_person,
 )
 from tega_study.power import SPREADS, PlannedTest, least_people, people_for, power_of, too_few
 from tega_study.rank import holm, mann_whitney, shift
@@ -92,12 +90,7 @@ def test_the_paper_s_p_values_come_out_of_ten_against_ten(x: str, y: str, printe
     assert found.p_conditional == close(exact)
 
 
-def test_holm_by_hand_on_the_paper_and_with_a_test_that_could_not_be_made() -> None:
-    # The paper's p of time (three objects), slips and deformations: the two of slips alone stay below 0.05.
-    printed = [0.014, 0.763, 0.017, 0.001, 0.001, 0.398, 0.030]
-    assert holm(printed) == close([0.070, 0.796, 0.070, 0.007, 0.007, 0.796, 0.090])
-    p = [0.0009, 0.0124, 0.0213, 0.0470, 0.3500, 0.0213, 0.8000]
-    assert holm(p) == close([0.0063, 0.0744, 0.1065, 0.141, 0.7, 0.1065, 0.8])
+def test_holm_passes_over_a_test_that_could_not_be_made() -> None:
     assert holm([0.01, None, 0.03]) == [close(0.03), None, close(0.06)]
 
 
@@ -130,11 +123,7 @@ def test_people_as_clusters_by_hand_and_by_statsmodels() -> None:
     assert adjusted_ratio(values, FIRST, [1.0] * 40, PERSON, counts=True) == close(found)
 
 
-def test_within_people_and_over_people() -> None:
-    assert within_person(list(zip(WITH, WITHOUT, strict=True))) == close(3.37238186523e-07)
-    off = np.mean(WITH, axis=1) - np.mean(WITHOUT, axis=1)
-    assert sign_flip(off) == 0.125
-    assert sign_flip([-3.1, -1.3, -1.7, -0.1, -1.5, -3.3, 0.5, -2.2]) == 0.0234375
+def test_paired_totals() -> None:
     logs = [np.log(np.sum(side, axis=1) + 0.5) for side in (WITH, WITHOUT)]
     assert paired_log_ratio(*logs) == close(
         (0.555295993014, 0.45541140516, 0.677088093016, -9.44067489643, 0.00251879019269)

@@ -1,10 +1,8 @@
-"""The command line: help, exit codes, JSON, interruption, hints for a first day, and what replay and verify find."""
+"""The command line: help, exit codes, JSON, hints for a first day, and what replay and verify find."""
 
 from __future__ import annotations
 
 import json
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -16,7 +14,6 @@ import numpy as np
 import pytest
 
 from reference.command import call
-from reference.processes import until
 from reference.recordings import squeezes, write_folder
 from tega.records import Contact, Intent, VestFrame
 from tega.records.bus import Bus
@@ -157,31 +154,6 @@ def test_a_session_without_input_is_refused(capsys: pytest.CaptureFixture[str], 
     (tmp_path / "empty.toml").write_text("")
     _, err = call(capsys, "run", tmp_path / "empty.toml", code=1)
     assert err.startswith("error: no input: neither a tactile source nor EMG is set")
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGINT to send to a process")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_run_leaves_hand_and_vest_silent(session: Path, number: signal.Signals) -> None:
-    can_csv = session.parent / "out" / "can.csv"
-    words = [sys.executable, "-m", "tega.ui.cli", "run", str(session), "--set", "session.duration_s=60"]
-    words += ["--set", "session.preset=paper"]
-    np.save(session.parent / "emg.npy", squeezes(12_000, 200.0))
-    with subprocess.Popen(words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        files = can_csv, session.parent / "out" / "calibration.toml"
-        until(lambda: all(file.exists() for file in files) or process.poll() is not None)
-        assert process.poll() is None, process.communicate()[1]
-        time.sleep(0.3)
-        process.send_signal(number)
-        _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    frames = [line.split(",")[1:] for line in can_csv.read_text().splitlines()[-5:]]
-    assert frames == [[i, "0" * 16] for i in ("180", "184", "188", "18C")] + [["104", ""]]
-    vest = (session.parent / "out" / "vest.csv").read_text().splitlines()
-    assert set(vest[-1].split(",")[1:]) == {"0"}
-    summary = json.loads((session.parent / "out" / "summary.json").read_text())
-    assert summary["ended"] == "stopped"
-    assert err.splitlines()[-1] == "stopped"
 
 
 @pytest.mark.parametrize("verb", ["play", "verify"])

@@ -121,21 +121,6 @@ def test_the_tables_say_what_the_functions_say(ran: Ran, press: list[object], pr
     assert maxima["cci_max"] == np.percentile([m.cci for m in measured if m.in_contact and m.eda >= 30], 99.5)
 
 
-def test_the_vest_shows_the_newest_frame_and_ends_silent(ran: Ran) -> None:
-    _, out = ran("paper")
-    rows = table(out / "vest.csv")
-    contacts = [row for row in table(out / "contacts.csv") if row["finger"] == "thumb"]
-    assert list(rows[0]) == ["t_s", *(f"m{m}" for m in (*range(16), *range(20, 36)))]
-    assert [row["t_s"] for row in rows] == [*(f"{k / 30:.6f}" for k in range(90)), "3.000000"]
-    for row in rows[:30]:
-        newest = [c for c in contacts if float(c["t_s"]) <= float(row["t_s"])][-1]
-        assert row["m0"] == row["m12"] == str(round(float(newest["front"])))
-        assert row["m20"] == str(round(float(newest["back"])))
-    # The thumb's last frame is at 59/60 s; from 100 ms later on nothing is left of it.
-    assert all(row["m0"] == row["m20"] == "0" for row in rows if float(row["t_s"]) > 59 / 60 + 0.1)
-    assert set(list(rows[-1].values())[1:]) == {"0"}
-
-
 def test_levels_and_can_frames(ran: Ran) -> None:
     summary, out = ran("live")
     levels = table(out / "levels.csv")

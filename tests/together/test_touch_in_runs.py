@@ -1,4 +1,4 @@
-"""Touch in runs: a gel calibrated with known presses, and events that are recorded, shown and found by a replay."""
+"""Touch in runs: a gel calibrated with known presses, and events that are recorded and shown."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from msgspec.structs import replace
 
 from reference.gel import PERIOD_NS, gel_frames
 from reference.parts import observed
+from reference.scripted import touching
 from tega.config import StagesSection, check_tree, load_config
 from tega.config.calibration import Calibration, TouchMaxima
 from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
@@ -25,8 +25,7 @@ from tega.loop.maxima import guided_maxima, touch_maxima
 from tega.loop.snapshot import LoopView
 from tega.loop.touch import TouchLoop
 from tega.recording.mcap_reader import McapReader
-from tega.recording.replay import replay_file
-from tega.records import ArmTurn, Contact, Event, PoseNumbers
+from tega.records import ArmTurn, Event, PoseNumbers
 from tega.records.bus import Bus
 from tega.records.schema import read
 from tega.records.table import columns, rows
@@ -215,12 +214,6 @@ def test_an_event_is_told_recorded_and_tabled_alike(session: Session) -> None:
     assert all(event.began_ns <= event.t_ns <= event.taken_ns for event in received)
 
 
-def test_a_replay_finds_the_same_events(session: Session) -> None:
-    _, file, received, _ = session
-    (stream,) = (s for s in replay_file(file).streams if s.stream == "/touch/event")
-    assert (stream.recorded, stream.replayed, stream.differ) == (len(received), len(received), 0)
-
-
 def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> None:
     *_, received, seen = session
     first = received[0]
@@ -234,22 +227,13 @@ def test_a_display_says_the_newest_event_while_it_is_new(session: Session) -> No
 
 
 def test_events_are_looked_for_only_where_somebody_wants_them() -> None:
-    shape: dict[str, Any] = {
-        "mass": 6e4,
-        "centroid_xy": (120.0, 100.0),
-        "eda": 3000,
-        "cci": 0.5,
-        "peak": 30.0,
-    }
-    firm = Contact(finger="index", t_ns=0, in_contact=True, **shape)
-    loop = TouchLoop({"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}, layout="x40")
-    loop.update("index", firm)
+    loop = TouchLoop({"thumb": TouchMaxima(cci_max=1.0, eda_max=3000.0)}, layout="x40")
+    loop.update("thumb", touching(3000))
     assert len(loop.found) == 0
     loop.find_events()
     kinds: set[str] = set()
     for n in range(1, 30):
-        seen = firm if n > 5 else Contact(finger="index", t_ns=0, in_contact=False)
-        loop.update("index", replace(seen, t_ns=n * 16_000_000))
+        loop.update("thumb", touching(3000 * (n > 5), t_ns=n * 16_000_000))
         kinds |= {event.kind for event in loop.found}
     assert kinds == {"contact"}
 
