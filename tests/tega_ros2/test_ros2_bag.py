@@ -22,19 +22,15 @@ _FEW = settings(max_examples=15, deadline=None, suppress_health_check=[HealthChe
 
 
 def frames_of(path: Path, topic: str = "") -> list[Any]:
-    found = []
     with Ros2Pictures(Ros2PicturesOptions(file=path, topic=topic)) as source:
-        while (frame := source.read(0)) is not None:
-            found.append(frame)
+        found = list(iter(lambda: source.read(0), None))
         assert source.ended
     return found
 
 
 def emg_of(path: Path, **options: Any) -> tuple[Any, Any, Any]:
     with Ros2Emg(Ros2EmgOptions(file=path, **options)) as source:
-        chunks = []
-        while (chunk := source.read(0)) is not None:
-            chunks.append(chunk)
+        chunks: list[Any] = list(iter(lambda: source.read(0), None))
         return np.concatenate([chunk.samples for chunk in chunks]), chunks, source.info
 
 

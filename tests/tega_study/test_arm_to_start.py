@@ -13,6 +13,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Self
 
 import numpy as np
@@ -28,7 +29,8 @@ from tega.arm.workspace import Workspace
 from tega.config import check_tree, load_config
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
-from tega.records import ArmMeasured, ArmTurn, PoseNumbers
+from tega.loop.arm_records import arm_row
+from tega.records import ArmMeasured, ArmTurn
 from tega.records.bus import Bus
 from tega_bench import homing
 from tega_bench.homing import Settling, go_to_start
@@ -68,16 +70,8 @@ class _Simulated:
             self.course.append(command)
             if command.target is not None and not blocked:
                 self.here = command.target
-            self.route.saw(
-                ArmTurn(
-                    t_ns=self.now_ns, poses=(), clutch=held, dead_man=held, may_move=True,
-                    measured=(PoseNumbers(self.now_ns, tuple(measured.position_m), tuple(measured.quaternion_xyzw)),),
-                    stopped="", cleared=False, state=command.state, reason=command.reason,
-                    holds=command.engagements,
-                    target=() if command.target is None else tuple(np.concatenate(command.target).tolist()),
-                    velocity=(*command.velocity_m_s.tolist(), *command.velocity_rad_s.tolist()), phase="following",
-                )
-            )  # fmt: skip
+            follows: Any = SimpleNamespace(phase="following")
+            self.route.saw(arm_row(turn, command, follows, 0))
 
 
 def _pose(place: tuple[float, ...], turn: tuple[float, ...] = _UPRIGHT) -> Pose:

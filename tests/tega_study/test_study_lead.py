@@ -16,6 +16,7 @@ from reference.processes import until
 from reference.study_bench import (
     Experimenter,
     LiftingBench,
+    ScriptedDesk,
     StandingBench,
     events_of,
     kinds,
@@ -217,34 +218,20 @@ def test_what_begins_by_itself_after_a_trial_needs_somebody_who_leads(*, auto: b
     assert desk.said.count("to its start: it is at its start") == len(noted)
 
 
-class _Feet(Experimenter):
+class _Feet(ScriptedDesk):
     """Leads by pedals alone, and types no more than why a trial is done again."""
 
     def __init__(self) -> None:
-        super().__init__(answer="the gel came off")
-        self._since_s = 0.0
-        self._left: list[tuple[float, str]] = []
+        super().__init__(rating="i", answer="the gel came off")
+        self._ready, self._marks, self._heading = list("15111"), iter(""), ""
 
-    def show(self, screen: Screen) -> None:
-        if self.phases[-1:] == [screen.phase]:
-            return
-        self.phases.append(screen.phase)
-        self._since_s = time.monotonic()
-        if screen.phase == "ready":
-            again = "trial" in self.phases and "again" not in self.phases
-            self._left = [(0.0, "5" if again else "1")]
-            self.phases += ["again"] * again
-        elif screen.phase == "trial":
-            # Its result cannot be keyed in the first second.
-            self._left = [(0.1, "1"), (0.2, "3"), (0.3, "4"), (0.4, "4"), (1.1, "2")]
-        elif screen.phase == "questions":
-            self._left = [(0.0, key) for key in [ENTER, *("i" * len(QUESTIONS)), ENTER]]
-
-    def keys(self) -> list[str]:
-        gone_s = time.monotonic() - self._since_s
-        due = [key for at_s, key in self._left if at_s <= gone_s]
-        self._left = [(at_s, key) for at_s, key in self._left if at_s > gone_s]
-        return due
+    def observe(self, screen: Screen) -> None:
+        if screen.phase == "ready" and (screen.phase, screen.heading) != (self.phase, self._heading):
+            self.waiting.append(self._ready.pop(0))
+        elif screen.phase == "trial":  # its result cannot be keyed in the first second
+            self._marks = self._marks if self.phase == "trial" else iter("1344")
+            self.waiting.append(next(self._marks, "2"))
+        self._heading = screen.heading
 
 
 @pytest.mark.slow

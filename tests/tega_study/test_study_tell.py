@@ -11,17 +11,15 @@ import time
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from reference.command import call
 from reference.processes import until
+from reference.scripted import touching
 from reference.study_bench import ScriptedDesk, StandingBench, study, trial_led
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.loop.snapshot import LoopView
 from tega.runtime.clock import ManualClock, SystemClock
-from tega.stages.metrics import contact_record
-from tega.tactile import ContactMetrics, contact_metrics
 from tega_study.cli.run import COMMANDS
 from tega_study.journal import Journal, JournalEvent, events_path, read_events
 from tega_study.lead.benches import SimulatedBench
@@ -37,7 +35,7 @@ from tega_study.trials import study_trials
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return study(tmp_path, rest_s=0, change_rest_s=0, long_rest_s=0)
+    return study(tmp_path, rest_s=0, change_rest_s=0, long_rest_s=0, window_s=120.0)
 
 
 def phase(folder: Path) -> str:
@@ -283,7 +281,6 @@ class _Raised(StandingBench):
         self._drops = drops
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        metrics = {held: _contact(held=held) for held in (False, True)}
         going.notify("armed", "stands ready")
         while not going.may_go():
             pass
@@ -294,19 +291,10 @@ class _Raised(StandingBench):
             height_m = 0.4 + min(max(t_s - 2, 0) * 0.1, 0.25)
             held = t_s >= 1 and not (self._drops and t_s >= 3.5)
             t_ns = round(t_s * 1e9)
-            contact = contact_record("thumb", t_ns, metrics[held])
+            contact = touching(3000 * held, t_ns=t_ns)
             going.view(LoopView(t_ns, {"thumb": contact}, None, None, None, {}, arm_height_m=height_m))
         while not going.over():
             pass
-
-
-def _contact(*, held: bool) -> ContactMetrics:
-    rows, columns = np.mgrid[:240, :320]
-    baseline = np.full((240, 320, 3), 100, np.uint8)
-    frame = baseline.copy()
-    if held:
-        frame[(rows - 120) ** 2 + (columns - 160) ** 2 < 30**2] = 180
-    return contact_metrics(frame, baseline)
 
 
 def test_an_object_that_leaves_the_hand_in_the_air_is_dropped(folder: Path) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from reference.sessions import record
 from reference.written import mcap_trouble
 from tega.errors import DeviceUnavailableError
 from tega.recording.mcap_folder import SessionFolder, in_order, session_files
@@ -76,18 +75,14 @@ def test_the_thousandth_recording_is_followed_by_the_next(tmp_path: Path) -> Non
     assert [in_order(trial["file"])[0] for trial in folder.index()["trials"]] == numbers
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    return record(tmp_path_factory.mktemp("written") / "rec").read_bytes()
-
-
-def test_a_recording_of_ours_is_taken_and_one_that_was_cut_off_is_found(recording: bytes) -> None:
+def test_a_recording_of_ours_is_taken_and_one_that_was_cut_off_is_found(short: Path) -> None:
+    recording = short.read_bytes()
     assert mcap_trouble(recording) == ""
     assert mcap_trouble(recording[: len(recording) // 2])
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, -13, -60, -200])
-def test_a_wrong_byte_among_the_messages_and_of_the_summary_is_found(recording: bytes, share: float) -> None:
-    broken = bytearray(recording)
-    broken[round(share * len(recording)) if share > 0 else int(share)] ^= 0xFF
+def test_a_wrong_byte_among_the_messages_and_of_the_summary_is_found(short: Path, share: float) -> None:
+    broken = bytearray(short.read_bytes())
+    broken[round(share * len(broken)) if share > 0 else int(share)] ^= 0xFF
     assert mcap_trouble(bytes(broken))

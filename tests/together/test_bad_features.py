@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import sys
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tega.records.bus import Bus
 from tega.records.display import DisplayRows
 from tega.runtime import features as loader
 from tega.runtime.declaration import OWN_NAMES
-from tega.runtime.features import Feature, broken_features, features, load_target
+from tega.runtime.features import broken_features, features
 from tega.setup.doctor.settings import examine
 from tega.ui.cli import main as command_line
 from tega.ui.cli.guest_group import GuestGroup
@@ -245,17 +244,19 @@ def test_help_imports_no_verb_and_a_bad_one_is_named(install, capsys):
     assert "'load': tega_load.members:odd is 'text', not a click command" in err
 
 
-def run(folder: Path, **members: Any) -> tuple[dict[str, Any], dict[str, int]]:
+def run(folder: Path) -> tuple[dict[str, Any], dict[str, int]]:
     """Run two seconds of synthetic touch; return the summary, and the recorded messages by topic."""
+    from tega.loop.snapshot import Snapshot
     from tega.recording.mcap_reader import McapReader
 
+    bus = Bus()
+    bus.subscribe(Snapshot, lambda _snapshot: None, name="a display")
     tree = {
         "session": {"pace": "fast", "duration_s": 2.0},
         "tactile": {"thumb": {"driver": "synthetic-touch"}, "index": {"driver": "synthetic-touch"}},
         "recording": {"dir": str(folder / "recorded"), "stop_free_mib": 0.0},
-        **members,
     }
-    summary = run_session(checked(tree))
+    summary = run_session(checked(tree), bus=bus)
     counts: dict[str, int] = {}
     for message in McapReader(folder / "recorded" / summary["recording"]["file"]).messages():
         counts[message.topic] = counts.get(message.topic, 0) + 1
@@ -309,18 +310,7 @@ def test_a_part_that_fails_at_the_end_costs_itself_only(install, tmp_path, hook,
     }
     body["rubbish"] = body["rubbish"] if hook == "finish" else "return 'odd'"
     install(PART, f"def hook(self, *given): {body[does]}\nLoadPart.{hook} = hook")
-    if hook == "displayed":
-        from tega.loop.snapshot import Snapshot
-
-        bus = Bus()
-        bus.subscribe(Snapshot, lambda _snapshot: None, name="test")
-        tree = {
-            "session": {"pace": "fast", "duration_s": 1.0},
-            "tactile": {"thumb": {"driver": "synthetic-touch"}},
-        }
-        summary = run_session(checked(tree), bus=bus)
-    else:
-        summary, _ = run(tmp_path)
+    summary, _ = run(tmp_path)
     assert "odd" not in summary
     named = [note for note in summary["notes"] if "feature 'load'" in note]
     expected = 0 if does == "rubbish" and hook in {"end", "ended"} else 1  # what they return is nobody's
@@ -373,12 +363,3 @@ def test_a_part_of_the_wrong_kind_is_named(install: Install, tmp_path: Path, cod
     with pytest.raises(TegaError, match="feature 'load'") as refused:
         run(tmp_path)
     assert named in refused.value.message
-
-
-def test_a_good_feature_is_loaded(install: Install) -> None:
-    install(PART + ", settings={'load': 'tega_load.members:Table'}, verbs={'emg load': Verb('m:f', 's')}")
-    types.record_types()
-    assert not broken_features()
-    assert features()["load"].package == "tega-load"
-    assert import_module("tega_load.members").Load in types.record_types()
-    assert isinstance(load_target("tega_load.members:open_part", Feature(summary="")), object)

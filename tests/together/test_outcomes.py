@@ -8,18 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.study_bench import StandingBench
-from tega.runtime.clock import SystemClock
+from reference.study_bench import StandingBench, study, trial_led
 from tega.stages.events.outcomes import LiftRule, StableReading, success
 from tega_scene.courses import SceneCourses
 from tega_scene.outcomes import SceneRule
 from tega_scene.smoothing import Course
 from tega_sim.score import TrialScorer
 from tega_sim.seams import WorldTruth
-from tega_study.journal import Journal
+from tega_study.journal import Journal, events_path
 from tega_study.lead.running_trial import Going
-from tega_study.lead.trial import LedTrial
-from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
+from tega_study.plan import PlannedTrial
 from tega_study.trials import study_trials
 
 Height = Callable[[float], float]
@@ -86,20 +84,9 @@ class _Raising(StandingBench):
 
 
 def _by_study(folder: Path, height_m: Height) -> bool:
-    plan = make_plan(participants=1, seed=3, objects=["bag"], trials=1, simulated=True)
-    write_plan(plan, folder)
-    with Journal(folder / "sessions" / "p01" / "events.jsonl") as journal:
-        led = LedTrial(
-            folder,
-            read_plan(folder).of("p01")[0],
-            1,
-            bench=_Raising(height_m),
-            journal=journal,
-            clock=SystemClock(),
-            task="lift",
-            window_s=plan.settings.window_s,
-            time_scale=0.001,
-        )
+    folder = study(folder)
+    with Journal(events_path(folder, "p01")) as journal:
+        led = trial_led(folder, journal, _Raising(height_m))
         while not led.step([]):
             pass
     return study_trials(folder)[1][0].success
@@ -130,4 +117,4 @@ def test_simulation_camera_and_study_agree(reached_s: float, lifted: bool, tmp_p
     height_m = ramp(reached_s - 2, reached_s, 0.2)
     assert _by_simulation(height_m) == lifted
     assert _by_camera(height_m) == lifted
-    assert _by_study(tmp_path / "study", height_m) == lifted
+    assert _by_study(tmp_path, height_m) == lifted

@@ -17,7 +17,7 @@ from reference.scripted import MS, STARTED_NS, ScriptedCamera, live_frame
 from reference.sessions import rewritten, stream
 from tega.config import check_tree
 from tega.config.calibration import Calibration, TouchMaxima
-from tega.devices.base import DeviceInfo, TactileFrame
+from tega.devices.base import TactileFrame
 from tega.haptics import contact_type
 from tega.loop import run, run_session
 from tega.loop.inbox.frames import FrameWatch
@@ -95,31 +95,25 @@ def test_what_a_metric_was_told_stands_beside_the_picture() -> None:
     assert not touched.beside("thumb", 60 * MS)
 
 
-class _Sensor:
-    def __init__(self, frames: list[Any], *, live: bool) -> None:
-        self._frames, self._next, self._began_ns = frames, 0, 0
-        self.info = DeviceInfo(driver="scripted", kind="tactile", label="scripted", live=live, rate_hz=60.0)
+class _InTime(ScriptedCamera):
+    """Takes each frame at its time since the first."""
 
-    @property
-    def ended(self) -> bool:
-        return self._next == len(self._frames)
+    _began_ns = 0
 
     def read(self, timeout_s: float) -> TactileFrame | None:
-        del timeout_s
-        k, self._next = self._next, self._next + 1
-        due_ns = k * PERIOD_NS
-        if self.info.live:
-            self._began_ns = self._began_ns or time.monotonic_ns()
-            due_ns += self._began_ns
-            time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
-        return TactileFrame(due_ns, k, self._frames[k], f"frame {k}")
+        self._began_ns = self._began_ns or time.monotonic_ns()
+        if frame := super().read(timeout_s):
+            frame = frame._replace(t_ns=self._began_ns + frame.t_ns)
+            time.sleep(max(0, frame.t_ns - time.monotonic_ns()) / 1e9)
+        return frame
 
 
 def two_fingers(*, live: bool) -> dict[str, Finger]:
     fingers = {}
     for name, seed in (("thumb", 1), ("ring", 3)):
         frames, baseline = gel_frames(seed, held=name == "thumb")
-        source: Any = _Sensor(frames, live=live)
+        script = [TactileFrame(k * PERIOD_NS, k, frame, f"frame {k}") for k, frame in enumerate(frames)]
+        source: Any = _InTime(script) if live else ScriptedCamera(script, live=False)
         fingers[name] = Finger(source, baseline, "given", SourceReport())
     return fingers
 
