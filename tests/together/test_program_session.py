@@ -5,8 +5,6 @@ from __future__ import annotations
 import csv
 import os
 import signal
-import subprocess
-import sys
 import time
 from contextlib import nullcontext
 from pathlib import Path
@@ -25,7 +23,6 @@ from tega.loop.program import ProgramHand, ProgramSession, session
 from tega.recording.opened import open_recording
 from tega.recording.replay import replay_file
 from tega.runtime.clock import ManualClock
-from tega.runtime.files.toml_text import tree_text
 from tega_emulators.lab import emulated_lab
 
 SECONDS = 1.5
@@ -229,31 +226,3 @@ def test_emulated_vest_and_hand_are_safe_after_a_failing_program(tmp_path: Path,
     exchanges = recording["/hand/bus"].to_numpy()  # its records have the machine's clock
     assert np.abs(exchanges["t_s"] - exchanges["log_s"]).max() < 1e-6
     assert exchanges["level"].max() == 5
-
-
-_PROGRAM = """
-import sys
-import numpy as np
-import tega
-
-with tega.session(sys.argv[1]) as session:
-    for _ in session:
-        session.vest.send(np.full(40, 50), for_s=10)
-        session.hand.level(5, for_s=10)
-"""
-
-
-@pytest.mark.slow
-def test_a_program_that_is_killed_lets_go_of_the_hand_and_the_vest_rests(tmp_path: Path) -> None:
-    with emulated_lab(tmp_path, emg_hz=250.0, hand=True, vest=True, fingers=("thumb",)) as lab:
-        path = tmp_path / "lab.toml"
-        path.write_text(tree_text(lab.tree))
-        environment = os.environ | lab.environment | {"PYTHONPATH": os.pathsep.join(sys.path)}
-        program = subprocess.Popen([sys.executable, "-c", _PROGRAM, str(path)], env=environment)
-        try:
-            until(lambda: program.poll() is not None or not (lab.limp() or lab.at_rest()))
-            assert program.poll() is None
-        finally:
-            program.kill()
-            program.wait()
-        until(lambda: lab.limp() and lab.at_rest())

@@ -173,13 +173,6 @@ def replayed(*words: object, capsys: Any, code: int = 0) -> Any:
     return json.loads(call(capsys, "replay", *words, "--json", code=code)[0])
 
 
-def test_what_stages_beside_said_is_compared_again(recording: Path, capsys: Any) -> None:
-    (replay,) = replayed(recording, capsys=capsys)
-    streams = {stream["stream"]: stream for stream in replay["streams"] if "/beside/" in stream["stream"]}
-    assert streams.keys() == TOPICS
-    assert all(stream["recorded"] > 10 and stream["differ"] == 0 for stream in streams.values())
-
-
 def test_a_stage_beside_that_says_something_else_is_found(recording: Path, capsys: Any) -> None:
     decoder = '{group="decoder",name="rules",options={intervals=5}}'
     other = f'stages.beside=[{{group="metric",name="live"}},{decoder}]'
@@ -216,8 +209,6 @@ def test_loose_files_are_replayed_through_a_stage(tmp_path, capsys, monkeypatch)
         replayed(*words, *sets, "--out", tmp_path / name, capsys=capsys)
         levels.append((tmp_path / name / "levels.csv").read_text().splitlines())
     assert len(levels[0]) - 1 == 2 * (len(levels[1]) - 1)
-    wrong = "--out", tmp_path / "c", "--set", "stages.decoder.options.tu_s=1"
-    assert "did you mean 'tau_s'" in call(capsys, "replay", *words, *wrong, code=1)[1]
 
 
 MAPPINGS = ("slip-row", "equal-steps", "changes", "place")
@@ -245,8 +236,7 @@ EXAMPLE = Path(__file__).resolve().parents[2] / "examples/recorded-lift"
 
 
 @pytest.mark.skipif(not EXAMPLE.is_dir(), reason="not a checkout")
-def test_the_example_is_small_looked_into_and_computed_again(capsys, tmp_path):
-    assert sum(file.stat().st_size for file in EXAMPLE.iterdir()) < 3_000_000
+def test_the_example_is_looked_into_and_computed_again(capsys, tmp_path):
     (trial,) = json.loads(call(capsys, "inspect", EXAMPLE, "--json")[0])
     topics = {stream["topic"] for stream in trial["streams"]}
     fingers = ("thumb", "index", "middle", "ring")
@@ -258,14 +248,3 @@ def test_the_example_is_small_looked_into_and_computed_again(capsys, tmp_path):
     call(capsys, "export", EXAMPLE, "--out", tmp_path / "tables")
     rows = next((tmp_path / "tables").rglob("vest.frame.csv")).read_text().splitlines()
     assert len(rows) > 100
-
-
-@pytest.mark.slow
-def test_a_recorded_demo_is_the_same_when_computed_again(capsys, tmp_path):
-    pytest.importorskip("mujoco", reason="needs the extra sim")
-    session = tmp_path / "session"
-    words = ("--fast", "--objects", "bag", "--operator", "scripted", "--out", tmp_path / "demo")
-    call(capsys, "demo", *words, "--record", session, "--json")
-    (again,) = replayed(session, capsys=capsys)
-    assert again["same"]
-    assert again["complete"]
