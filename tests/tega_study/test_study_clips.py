@@ -19,10 +19,9 @@ import numpy as np
 from reference.clipped import LEAD_NS, LENGTH_NS, MS, PEOPLE, S, clipped_study, coded, planned
 from reference.command import call
 from reference.filmed import EPOCH_NS, number_of, packets, write_scene
-from reference.sessions import read_recorded, record, rewritten
+from reference.sessions import read_recorded, record, reported
 from reference.written import boris_project
 from tega.errors import DeviceUnavailableError, InvalidValueError, RecordingError
-from tega.recording.mcap_reader import McapReader
 from tega.records import Picture
 from tega.runtime.files.boris import read_boris
 from tega_study.detecting import DETECTOR
@@ -145,36 +144,20 @@ def test_a_lossless_recording_is_shown_as_good_as_it_is(tmp_path: Path) -> None:
     assert max(np.abs(image.astype(int) - raw[0][1]).mean() for _, image in raw) > 3.0
 
 
-def _at_time_of_day(path: Path, epoch_ns: int) -> None:
-    """Have a recording begin at another time of day."""
-    reader = McapReader(path)
-    assert all(one.log_ns for one in reader.messages(lambda _topic: False))
-    later_ns = epoch_ns - int(reader.metadata["tega"]["epoch_ns"])
-    new = rewritten(
-        path,
-        path.with_suffix(".new"),
-        tables={"tega": {"epoch_ns": str(epoch_ns)}},
-        times=lambda _topic, log_ns: log_ns + later_ns,
-    )
-    new.replace(path)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("restarted", [False, True])
 def test_a_clip_shows_the_scene_of_its_moment_and_none_of_another_start_of_the_machine(
-    *, restarted: bool, tmp_path: Path, recording: Path
+    *, restarted: bool, folder: Path, tmp_path: Path
 ) -> None:
-    folder = tmp_path / "study"
-    clipped_study(folder, planned(), recording)
-    begun = {}
-    for trial in (one for person in PEOPLE for one in recorded_trials(folder, person)[0]):
+    films = list[Path]()
+    for trial in recorded_trials(folder, "p01")[0]:  # those of p02 began at the same moments
+        began = reported(trial.folder / "trial-001.mcap")["tega"]
+        boot_ns = int(began["epoch_ns"]) - int(began["start_ns"]) + restarted * 3600 * S
         # The film's first picture is 0.2 s after the trial's start, and another comes each 0.1 s.
-        begun[trial.start_ns] = packets([trial.start_ns + (200 + 100 * k) * MS for k in range(8)])
-        at_ns = EPOCH_NS + restarted * 3600 * S + trial.start_ns - trial.zero_ns
-        _at_time_of_day(trial.folder / "trial-001.mcap", at_ns)
-    films = [
-        write_scene(tmp_path / f"scene-{k}.mcap", {"front": film}) for k, film in enumerate(begun.values())
-    ]
+        first_ns = boot_ns - EPOCH_NS + trial.start_ns + 200 * MS
+        film = {"front": packets([first_ns + 100 * k * MS for k in range(8)])}
+        table = {"clock": "monotonic", "epoch_ns": str(boot_ns)}
+        films.append(write_scene(tmp_path / f"{trial.start_ns}.mcap", film, table=table))
     key = make_clips(folder, tmp_path / "out", "r1", scenes=films)
     assert key.left_out == []
     for clip in key.clips:
@@ -206,10 +189,10 @@ def test_a_recording_that_cannot_be_shown_is_named_and_left_out(folder: Path, tm
     assert f"of another trial, {second.id}" in why[third.id]
     shutil.copy(first.folder / "trial-001.mcap.part", fourth.folder / "trial-001.mcap")
     shutil.rmtree(first.folder)
-    with pytest.raises(DeviceUnavailableError) as reported:
+    with pytest.raises(DeviceUnavailableError) as refused:
         make_clips(folder, tmp_path / "none", "r2")
     for words in (f"{first.id}: no recording", f"{fourth.id}: trial-001.mcap is of another trial"):
-        assert words in str(reported.value)
+        assert words in str(refused.value)
 
 
 def test_an_account_is_live_or_of_clips(made: Path, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.kept import muscle_file
 from reference.moments import completed
 from reference.played import EMG_HZ
 from reference.sessions import attached, read_recorded, tree
@@ -237,13 +238,9 @@ def lab(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def tree_of(folder: Path, maximum: float = 2000.0) -> dict[str, Any]:
-    (folder / "calibration.toml").write_text(
-        'format = "tega-calibration"\nversion = 1\npreset = "live"\norigin = "made up"\n[emg]\nkind = "raw"\n'
-        f'rate_hz = 1000.0\ntau = 100\nchannels = ["ch1", "ch2"]\nmaxima = [{maximum}, {maximum}]\n'
-    )
     return {
         "session": {"pace": "fast"},
-        "calibration": {"file": "calibration.toml"},
+        "calibration": {"file": str(muscle_file(folder, maximum, maximum, rate_hz=1000.0))},
         "emg": {"driver": "emg-file", "kind": "raw", "options": {"file": "emg.npy", "rate_hz": 1000}},
     }
 

@@ -6,13 +6,13 @@ import ctypes
 import gc
 import json
 import os
-import subprocess
 import sys
 import time
 from pathlib import Path
 
 import pytest
 
+from reference.installed import program
 from reference.parts import observed
 from tega.config import check_tree
 from tega.loop.session import run_session
@@ -45,14 +45,18 @@ def _heap_bytes() -> int:
     return int(heap.uordblks) + int(heap.hblkhd)
 
 
+def _apart(*words: str) -> tuple[int, int]:
+    """Measure in a program of its own: here other tests' threads come and go."""
+    message = program(sys.executable, __file__, *words, env=_ENV)
+    first, second = json.loads(message.stdout)
+    return first, second
+
+
 @pytest.mark.skipif(
     sys.platform != "linux" or not hasattr(ctypes.CDLL(None), "mallinfo2"), reason="asks glibc 2.33 or later"
 )
 def test_a_file_that_grows_keeps_its_index_in_memory_and_nothing_else(tmp_path: Path) -> None:
-    # In a program of its own: here other tests' threads come and go.
-    words = [sys.executable, __file__, str(tmp_path / "long.mcap")]
-    message = subprocess.run(words, env=_ENV, check=True, capture_output=True, text=True, timeout=300)
-    heap_bytes, blocks = json.loads(message.stdout)
+    heap_bytes, blocks = _apart(str(tmp_path / "long.mcap"))
     assert heap_bytes / 2000 < MOST_BYTES_A_FLUSH
     assert blocks < 1000  # less than one object for two flushes
 
@@ -80,9 +84,7 @@ def grown(path: Path) -> tuple[int, int]:
 
 
 def test_a_recorded_run_keeps_no_object_for_what_has_passed(tmp_path: Path) -> None:
-    words = [sys.executable, __file__, "--run", str(tmp_path)]
-    message = subprocess.run(words, env=_ENV, check=True, capture_output=True, text=True, timeout=300)
-    ticks, blocks = json.loads(message.stdout)
+    ticks, blocks = _apart("--run", str(tmp_path))
     assert ticks >= 26_600
     # 20 s from the early seconds, when all queues and pools have their size, to the late: one object kept for each tick
     # of the hand would be 6660, of the vest 600, of the muscles' levels 400. The muscles' condition keeps the median

@@ -19,7 +19,7 @@ import cv2
 import numpy as np
 import pytest
 
-from reference.installed import program
+from reference.installed import distribution, program
 from reference.played import muscles
 from tega.config import check_tree
 from tega.loop import run_session
@@ -54,13 +54,10 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
         assert spec.submodule_search_locations
         source = next(iter(spec.submodule_search_locations))
         shutil.copytree(source, into / name, ignore=shutil.ignore_patterns("__pycache__"))
-    there = into / f"tega-{tega.version}.dist-info"
-    there.mkdir()
-    (there / "METADATA").write_text(tega.read_text("METADATA") or "", encoding="utf-8")
     entries = (tega.read_text("entry_points.txt") or "").splitlines()
     left = [line for line in entries if not re.search(r"=\s*tega_scene\b", line)]
     assert len(left) < len(entries)
-    (there / "entry_points.txt").write_text("\n".join(left), encoding="utf-8")
+    distribution(into, "tega", "\n".join(left))
     return folder / "bin" / "python"
 
 
