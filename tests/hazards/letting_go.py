@@ -60,13 +60,7 @@ Outcome = Literal["let go", "goes on", "pushes", "opens", "rests"]
 
 
 class Cell(NamedTuple):
-    """One fault of one program.
-
-    Attributes:
-        subject: Key of :data:`SUBJECTS`.
-        targets: Processes that get the fault.
-        event: One of :data:`EVENTS`.
-    """
+    """One fault of one program: a key of :data:`SUBJECTS`, who gets the fault, and one of :data:`EVENTS`."""
 
     subject: str
     targets: str
@@ -74,12 +68,10 @@ class Cell(NamedTuple):
 
 
 class Expected(NamedTuple):
-    """Expected outcome of a cell.
+    """Expected outcome of a cell, and the longest time until then.
 
-    Attributes:
-        outcome: ``let go``: zero torque and SERVO OFF; ``goes on``: the hand is steered as before; ``pushes``: no
-            program can do anything; ``opens``: the robot station opens the hand; ``rests``: the vest's motors rest.
-        within_s: Longest time until then, seconds.
+    ``let go``: zero torque and SERVO OFF; ``goes on``: the hand is steered as before; ``pushes``: no program can do
+    anything; ``opens``: the robot station opens the hand; ``rests``: the vest's motors rest.
     """
 
     outcome: Outcome
@@ -90,11 +82,9 @@ class Seen(NamedTuple):
     """Outcome of a cell, as the emulated device stamped it.
 
     Attributes:
-        outcome: As in :class:`Expected`.
-        zero_s: Time from the fault to zero torque (of a vest: to rest; of fingers: until they open), seconds.
-        off_s: Time to SERVO OFF, seconds.
+        zero_s: Time from the fault to zero torque (of a vest: to rest; of fingers: until they open).
+        off_s: Time to SERVO OFF.
         old_torque: Whether torque came between the end of a standstill and letting go.
-        words: Last line of the program's error output.
     """
 
     outcome: Outcome
@@ -105,7 +95,6 @@ class Seen(NamedTuple):
 
     @property
     def took_s(self) -> float:
-        """Time until both were so, seconds."""
         return max(self.zero_s, self.off_s)
 
 

@@ -63,11 +63,8 @@ def _systemd() -> list[str]:
 class Program:
     """A command, on a pseudo-terminal where it is to be lost, else without one.
 
-    Args:
-        words: Words behind ``tega-teleop``, with every signal as a terminal starts it.
-        terminal: Whether it has a terminal, whose controlling process it is.
-        shell: Whether a shell has the terminal, as over SSH, and the command is its job.
-        typed: Text to be typed whenever the program asks for Enter.
+    With ``shell`` a shell has the terminal, as over SSH, and the command is its job; ``typed`` is typed whenever the
+    program asks for Enter.
     """
 
     def __init__(self, *words: object, terminal: bool, shell: bool, typed: str = "") -> None:
@@ -137,7 +134,6 @@ class Program:
         return self.process.pid
 
     def hang_up(self) -> None:
-        """Close the terminal."""
         self._closing.set()
         self._reader.join()
         os.close(self._master)
@@ -145,7 +141,6 @@ class Program:
 
     @property
     def said(self) -> str:
-        """Text on the error output."""
         return Path(self._err.name).read_text("utf-8", "replace")
 
     def end(self) -> None:
@@ -159,17 +154,9 @@ class Program:
 
 
 class Started:
-    """A program whose hand pushes, or whose vest vibrates.
+    """A program whose hand pushes, or whose vest vibrates; hand process and guard are below one that ``steers``.
 
-    Args:
-        program: The command that gets the faults.
-        hand: The emulated hand, if there is one.
-        vest: The emulated vest, if that is what is watched.
-        steers: Whether hand process and guard are below the command.
-
-    Attributes:
-        roles: Numbers of the processes ``run``, ``hand process`` and ``guard``.
-        torques: Torque frames that the hand had received.
+    ``roles`` are the numbers of its processes; ``torques`` are the torque frames that the hand had received.
     """
 
     def __init__(
@@ -185,7 +172,6 @@ class Started:
         self.torques = 0 if hand is None else self.check()["torques"]
 
     def check(self) -> dict[str, Any]:
-        """Return the state of the emulated hand."""
         assert self._hand is not None
         return self._hand.say("look")
 
@@ -209,8 +195,6 @@ class Subject(NamedTuple):
     """A program of the table.
 
     Attributes:
-        command: The command, for the page.
-        start: Starts it, and its devices.
         steers: Whether it steers a hand itself, in a hand process with a guard.
         otherwise: Expected outcome of one that does not.
         within_s: Longest time until then, seconds.

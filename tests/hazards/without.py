@@ -59,15 +59,7 @@ Outcome = Literal["passes", "fails", "unproven"]
 
 
 class Tried(NamedTuple):
-    """What came of a guard.
-
-    Attributes:
-        guard: It.
-        where: The file it stands in.
-        whole: What its test does with everything in place.
-        without: What it does without the guard.
-        words: The last words of whichever decides.
-    """
+    """What its test does with everything in place and without the guard, and the last words of what decides."""
 
     guard: Guard
     where: str
@@ -98,11 +90,7 @@ def place(text: str, package: Path = ROOT / "python") -> Path:
 
 
 class Copy:
-    """A copy of the program and its tests, in which a guard may be missing.
-
-    Args:
-        folder: Where it is made.
-    """
+    """A copy of the program and its tests, in which a guard may be missing."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
