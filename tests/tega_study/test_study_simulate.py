@@ -131,7 +131,7 @@ def test_everybody_gets_a_value_and_nobody_changes_in_anything_else() -> None:
 @pytest.mark.slow
 def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path) -> None:
     distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    simulate(tmp_path / "here", operators=3, objects=["bag"], trials=1, jobs=1)
+    simulate(tmp_path / "here", operators=2, objects=["bag"], trials=1, jobs=1)
     killed: list[int] = []
 
     def kill_one(watcher: Any, pids: dict[str, int]) -> None:
@@ -150,13 +150,13 @@ def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path
         killer = threading.Thread(target=kill_one, args=(watcher, watcher.run(os.getpid)))
         killer.start()
         try:
-            simulate(tmp_path / "there", operators=3, objects=["bag"], trials=1, dask=address)
+            simulate(tmp_path / "there", operators=2, objects=["bag"], trials=1, dask=address)
         finally:
             killed.append(0)
             killer.join()
     assert killed[0], "a worker was killed while it had a session"
     assert files_of(tmp_path / "here") == files_of(tmp_path / "there")
-    assert len(study_trials(tmp_path / "there")[1]) == 6
+    assert len(study_trials(tmp_path / "there")[1]) == 4
 
 
 def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
