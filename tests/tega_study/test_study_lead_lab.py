@@ -1,11 +1,10 @@
-"""A session is killed and goes on; it is led on an emulated lab; and its rests show whether the arm tires."""
+"""A session is led on an emulated lab, and its rests show whether the arm tires."""
 
 from __future__ import annotations
 
 import json
 import math
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,8 +14,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from reference.processes import until
-from reference.study_bench import Experimenter, ScriptedDesk, events_of, kinds, quick_study, study
+from reference.study_bench import Experimenter, ScriptedDesk, events_of, quick_study, study
 from tega.config import check_tree
 from tega.config.calibration import load_calibration, save_calibration
 from tega.errors import DeviceUnavailableError
@@ -34,54 +32,13 @@ from tega_study.page import report_html
 from tega_study.plan import read_plan
 from tega_study.privacy import export
 from tega_study.side_scores import muscle_sentence, squeeze_sentence, squeeze_shares, trial_medians
-from tega_study.state import derive
 from tega_study.touch_picture import finger_rows, pictures_of
 from tega_study.trials import course_path, study_trials
 
 
 def slow(test: Any) -> Any:
-    unix = pytest.mark.skipif(os.name == "nt", reason="Windows has neither SIGKILL nor pseudo terminals")
+    unix = pytest.mark.skipif(os.name == "nt", reason="Windows has no pseudo terminals")
     return pytest.mark.slow(unix(test))
-
-
-LED = """
-import sys
-from pathlib import Path
-from tega_study.plan import read_plan
-from tega_study.lead.session import lead_session
-from tega_study.lead.benches import SimulatedBench
-from tega_study.lead.experimenter import LineDesk
-folder = Path(sys.argv[1])
-with LineDesk() as desk:
-    bench = SimulatedBench(read_plan(folder), "p01", real_time=False)
-    lead_session(folder, "p01", bench, desk, time_scale=0.1, auto=True)
-"""
-
-
-def run(folder: Path, *, kill_in_trial: bool) -> None:
-    words = [sys.executable, "-c", LED, str(folder)]
-    with subprocess.Popen(words, stdin=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        if kill_in_trial:
-            until(lambda: kinds(events_of(folder))[-1:] == ["trial_start"])
-            process.kill()
-        assert process.wait() == (-signal.SIGKILL if kill_in_trial else 0)
-
-
-@slow
-def test_a_session_that_is_killed_in_a_trial_goes_on(tmp_path: Path) -> None:
-    pytest.importorskip("mujoco")
-    folder = study(tmp_path)
-    plan_before = (folder / "plan.csv").read_bytes()
-    run(folder, kill_in_trial=True)
-    before = events_of(folder)
-    run(folder, kill_in_trial=False)
-    events = events_of(folder)
-    assert events[: len(before)] == before
-    assert (folder / "plan.csv").read_bytes() == plan_before
-    ends = [(e.trial, e.attempt, e.status) for e in events if e.kind == "trial_end"]
-    assert ends[0] == (1, 1, "aborted_technical")
-    assert {(trial, attempt) for trial, attempt, _status in ends} == {(1, 1), (1, 2), (2, 1)}
-    assert derive(read_plan(folder).of("p01"), events).next is None
 
 
 @slow
