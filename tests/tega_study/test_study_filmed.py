@@ -1,4 +1,4 @@
-"""Two people before a filmed bench: led by keys in a terminal, scored by rule, coded in BORIS, reported, sent on."""
+"""A person before a filmed bench: led by keys in a terminal, scored by rule, coded in BORIS, reported, sent on."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 cv2 = pytest.importorskip("cv2")
 pytest.importorskip("av")
@@ -21,17 +22,20 @@ pytest.importorskip("tega_figures")
 from reference.command import call  # noqa: E402
 from reference.processes import in_terminal  # noqa: E402
 from reference.scene import LIFT_S, SLIP_M, SLIP_S, SMALL, SPEED_M_S, known_lift, rendered  # noqa: E402
+from reference.study_bench import events_of, quick_study  # noqa: E402
 from reference.written import boris_project  # noqa: E402
 from tega.recording.mcap_reader import McapReader  # noqa: E402
+from tega.ui.cli.main import cli  # noqa: E402
 from tega_scene.layout import save_layout  # noqa: E402
 from tega_scene.lens import save_lens  # noqa: E402
-from tega_study.journal import JournalEvent, events_path, read_events  # noqa: E402
+from tega_study.journal import JournalEvent  # noqa: E402
 from tega_study.lead.tell import board_path, read_board  # noqa: E402
 from tega_study.observers import CAMERA, measured_path  # noqa: E402
-from tega_study.plan import make_plan, read_plan, write_plan  # noqa: E402
+from tega_study.plan import read_plan  # noqa: E402
 from tega_study.score.clips import read_key  # noqa: E402
 
-PEOPLE: Final = ("p01", "p02")
+FATE: Final = {1: "drop", 2: "lift"}
+"""What happens to the object in each trial."""
 REST_S: Final = 8.0
 """The object stands before it is lifted: preparing a trial may take as long on a busy machine."""
 RATE_HZ: Final = 15.0
@@ -40,29 +44,19 @@ FALL_S: Final = 1.6
 
 
 class Filmed(NamedTuple):
-    """The study, what its lab is, and the seconds of film that each kind of lift has."""
+    """The study, what its lab is, and what the camera measured of its trials."""
 
     folder: Path
     lab: Path
-    length_s: dict[str, float]
-
-
-def fate(person: str, trial: int) -> str:
-    """Return what happens to the object in a trial: each kind once for each person, in another order."""
-    return "drop" if (PEOPLE.index(person) + trial) % 2 else "lift"
+    trials: list[dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
 def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
-    """Lead both sessions."""
     root = tmp_path_factory.mktemp("filmed")
     folder, lab = root / "study", root / "lab"
     lab.mkdir()
-    plan = make_plan(
-        participants=2, seed=5, objects=["container"], trials=1, rest_s=0.1, change_rest_s=0.3, long_rest_s=0.3,
-        window_s=25.0, simulated=True,
-    )  # fmt: skip
-    write_plan(plan, folder)
+    quick_study(folder, seed=5, objects=["container"], window_s=25.0)
     lifts = {"lift": known_lift(), "drop": known_lift(dropped=True, slip_s=FALL_S, end_s=2.0)}
     length_s = {}
     for name, trial in lifts.items():
@@ -78,12 +72,13 @@ def filmed(tmp_path_factory: pytest.TempPathFactory) -> Filmed:
         length_s[name] = len(images) / RATE_HZ
         save_layout(lab / "tags.toml", scene.layout)
     save_lens(lab / "front.json", SMALL)
-    for person in PEOPLE:
-        led_by_keys(folder, person, lab, length_s)
-    return Filmed(folder, lab, length_s)
+    led_by_keys(folder, lab, length_s)
+    measured = CliRunner().invoke(cli, ["scene", "measure", str(folder), "p01", "--json"])
+    assert measured.exit_code == 0, measured.output
+    return Filmed(folder, lab, json.loads(measured.stdout)["trials"])
 
 
-def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]) -> None:
+def led_by_keys(folder: Path, lab: Path, length_s: dict[str, float]) -> None:
     """Lead a session in a terminal, as somebody who looks at the screen and presses keys."""
     now = lab / "now.avi"
     camera = {
@@ -92,12 +87,12 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
     }  # fmt: skip
     message = ", ".join(f"{key} = {json.dumps(value)}" for key, value in camera.items())
     words = ["--emulated", "--time-scale", "0.1", "--set", f"scene=[{{ {message} }}]"]
-    with in_terminal("study", "run", folder, person, *words) as (process, ours, drawn):
+    with in_terminal("study", "run", folder, "p01", *words) as (process, ours, drawn):
         marked, end_s = set[tuple[int, int]](), time.monotonic() + 300
         while process.poll() is None:
             assert time.monotonic() < end_s, drawn()[-4000:].decode(errors="replace")
             drawn()
-            board = read_board(board_path(folder, person))
+            board = read_board(board_path(folder, "p01"))
             if board is None:
                 continue
             if board.phase == "questions":
@@ -106,14 +101,14 @@ def led_by_keys(folder: Path, person: str, lab: Path, length_s: dict[str, float]
                 os.write(ours, b"q")
             elif board.phase in {"ready", "waiting"}:
                 now.unlink(missing_ok=True)
-                now.symlink_to(lab / f"{fate(person, board.trial)}.avi")
+                now.symlink_to(lab / f"{FATE[board.trial]}.avi")
                 os.write(ours, b"\r")
             elif (
                 board.phase == "trial"
                 and board.started_ns is not None
                 and (board.trial, board.attempt) not in marked
             ):
-                kind = fate(person, board.trial)
+                kind = FATE[board.trial]
                 if time.monotonic_ns() > board.started_ns + round(1e9 * (length_s[kind] + 0.5)):
                     os.write(ours, b"  " if kind == "lift" else b"x")
                     marked.add((board.trial, board.attempt))
@@ -128,10 +123,10 @@ def tega(capsys: pytest.CaptureFixture[str]) -> Callable[..., Any]:
     return lambda *words: json.loads(call(capsys, *words, "--json")[0])
 
 
-def own(folder: Path, person: str, trial: int) -> Path:
+def own(folder: Path, trial: int) -> Path:
     """Return the recording of a trial."""
-    planned, attempt = read_plan(folder).of(person)[trial - 1], ended(folder, person)[trial].attempt
-    (found,) = (folder / "recordings" / person / f"{planned.id}-a{attempt}").glob("*.mcap")
+    planned, attempt = read_plan(folder).of("p01")[trial - 1], ended(folder)[trial].attempt
+    (found,) = (folder / "recordings/p01" / f"{planned.id}-a{attempt}").glob("*.mcap")
     return found
 
 
@@ -143,10 +138,10 @@ def film_begins_ns(recording: Path) -> int:
     return first - int(reported["epoch_ns"]) + int(reported["start_ns"])
 
 
-def true_events(folder: Path, person: str, trial: int) -> list[tuple[str, float]]:
+def true_events(folder: Path, trial: int) -> list[tuple[str, float]]:
     """Return what the film shows, seconds of the machine's clock."""
-    begins_s = film_begins_ns(own(folder, person, trial)) / 1e9 + REST_S - 0.05
-    if fate(person, trial) == "drop":
+    begins_s = film_begins_ns(own(folder, trial)) / 1e9 + REST_S - 0.05
+    if FATE[trial] == "drop":
         return [
             ("lift_off", begins_s + LIFT_S),
             ("slip", begins_s + FALL_S),
@@ -156,16 +151,14 @@ def true_events(folder: Path, person: str, trial: int) -> list[tuple[str, float]
     return [("lift_off", begins_s + LIFT_S), ("lifted", begins_s + held_s), ("slip", begins_s + SLIP_S)]
 
 
-def ended(folder: Path, person: str) -> dict[int, JournalEvent]:
+def ended(folder: Path) -> dict[int, JournalEvent]:
     """Return how each trial ended; on a busy machine an emulated device may have broken its first attempt off."""
-    events = read_events(events_path(folder, person))
-    return {event.trial: event for event in events if event.kind == "trial_end"}
+    return {event.trial: event for event in events_of(folder) if event.kind == "trial_end"}
 
 
-def started_ns(folder: Path, person: str) -> dict[int, int]:
+def started_ns(folder: Path) -> dict[int, int]:
     """Return when each trial that counts began."""
-    events = read_events(events_path(folder, person))
-    return {event.trial: event.t_ns for event in events if event.kind == "trial_start"}
+    return {event.trial: event.t_ns for event in events_of(folder) if event.kind == "trial_start"}
 
 
 pytestmark = [
@@ -176,44 +169,39 @@ pytestmark = [
 
 
 def test_every_trial_is_filmed_into_its_own_recording(filmed: Filmed) -> None:
-    for person in PEOPLE:
-        starts = started_ns(filmed.folder, person)
-        assert [(n, end.success) for n, end in sorted(ended(filmed.folder, person).items())] == [
-            (n, fate(person, n) == "lift") for n in (1, 2)
-        ]
-        for trial in (1, 2):
-            reader = McapReader(own(filmed.folder, person, trial))
-            n = sum(one.topic == "/scene/front/video" for one in reader.messages())
-            summary = json.loads(reader.files["summary.json"])["scene"]["front"]
-            assert n == summary["pictures"] == summary["seen"] - summary["dropped"]
-            assert n > 30
-            assert film_begins_ns(own(filmed.folder, person, trial)) < starts[trial]
+    starts = started_ns(filmed.folder)
+    assert {n: end.success for n, end in ended(filmed.folder).items()} == {1: False, 2: True}
+    for trial in FATE:
+        reader = McapReader(own(filmed.folder, trial))
+        n = sum(one.topic == "/scene/front/video" for one in reader.messages())
+        summary = json.loads(reader.files["summary.json"])["scene"]["front"]
+        assert n == summary["pictures"] == summary["seen"] - summary["dropped"]
+        assert n > 30
+        assert film_begins_ns(own(filmed.folder, trial)) < starts[trial]
 
 
 def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
     filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
 ) -> None:
     folder = filmed.folder
-    for person in PEOPLE:
-        found = tega("scene", "measure", folder, person)["trials"]
-        starts = started_ns(folder, person)
-        for one in found:
-            assert one["problem"] == ""
-            outcome, truth = one["outcome"], true_events(folder, person, one["trial"])
-            assert outcome["success"] == (fate(person, one["trial"]) == "lift")
-            seen = [(e["kind"], e["t_s"] + starts[one["trial"]] / 1e9) for e in outcome["events"]]
-            named = [(kind, t_s) for kind, t_s in seen if kind in dict(truth)]
-            assert [kind for kind, _ in named] == [kind for kind, _ in truth]
-            # How exact it is the page says; a busy machine shows each picture of the film some tenths late.
-            assert max(abs(a - b) for (_, a), (_, b) in zip(named, truth, strict=True)) < 0.5
-            if outcome["success"]:
-                (slip,) = (e for e in outcome["events"] if e["kind"] == "slip")
-                assert abs(slip["size_m"] - SLIP_M) < 0.002
+    starts = started_ns(folder)
+    for one in filmed.trials:
+        assert one["problem"] == ""
+        outcome, truth = one["outcome"], true_events(folder, one["trial"])
+        assert outcome["success"] == (FATE[one["trial"]] == "lift")
+        seen = [(e["kind"], e["t_s"] + starts[one["trial"]] / 1e9) for e in outcome["events"]]
+        named = [(kind, t_s) for kind, t_s in seen if kind in dict(truth)]
+        assert [kind for kind, _ in named] == [kind for kind, _ in truth]
+        # How exact it is the page says; a busy machine shows each picture of the film some tenths late.
+        assert max(abs(a - b) for (_, a), (_, b) in zip(named, truth, strict=True)) < 0.5
+        if outcome["success"]:
+            (slip,) = (e for e in outcome["events"] if e["kind"] == "slip")
+            assert abs(slip["size_m"] - SLIP_M) < 0.002
 
     # The rater sees the object, codes what the film shows a tenth of a second late, and has not seen the measurement.
     out = tmp_path / "clips"
     made = tega("study", "clips", folder, out, "--rater", "r1")
-    assert (made["clips"], made["left_out"]) == (4, [])
+    assert (made["clips"], made["left_out"]) == (2, [])
     capture = cv2.VideoCapture(str(out / "clip-001.avi"))
     _, image = capture.read()
     capture.release()
@@ -222,17 +210,17 @@ def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
     project = out / "r1.boris"
     tree = json.loads(project.read_text(encoding="utf-8"))
     for clip in read_key(folder, "r1").clips:
-        start_s = started_ns(folder, clip.participant)[clip.trial] / 1e9
+        start_s = starts[clip.trial] / 1e9
         tree["observations"][clip.name]["events"] = [
             [round(t_s - start_s + 0.1, 3), "container", kind, "None", ""]
-            for kind, t_s in true_events(folder, clip.participant, clip.trial)
+            for kind, t_s in true_events(folder, clip.trial)
             if kind in {"lift_off", "slip", "drop"}
         ]
     project.write_text(json.dumps(tree), encoding="utf-8")
     opened = boris_project(project, media=True)  # by BORIS' own code, where that is installed
-    assert opened is None or len(opened["observations"]) == 4
+    assert opened is None or len(opened["observations"]) == 2
     taken = tega("study", "clips", folder, "--rater", "r1", "--take", project)
-    assert taken["trials"] == {"p01": 2, "p02": 2}
+    assert taken["trials"] == {"p01": 2}
     pairs = tega("study", "score", folder, "--tolerance-s", "1")["agreements"]
     both = {(one["kind"], one["f1"]) for one in pairs if {one["a"], one["b"]} == {CAMERA, "r1"}}
     assert {("slip", 1.0), ("drop", 1.0)} <= both
@@ -243,7 +231,6 @@ def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_al
     filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
 ) -> None:
     folder = filmed.folder
-    here = tega("scene", "measure", folder, "p01")
     bundle = tmp_path / "p01.zip"
     tega("study", "bundle", folder, "p01", bundle)
     there = tmp_path / "elsewhere"
@@ -257,7 +244,7 @@ def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_al
         kept = measured_path(there / "session", "p01")
         assert kept.read_bytes() == measured_path(folder, "p01").read_bytes()
         kept.unlink()
-        assert tega("scene", "measure", there / "session", "p01") == here
+        assert tega("scene", "measure", there / "session", "p01")["trials"] == filmed.trials
         assert kept.read_bytes() == measured_path(folder, "p01").read_bytes()
     finally:
         hidden.rename(filmed.lab)
