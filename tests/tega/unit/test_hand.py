@@ -36,19 +36,6 @@ def test_constants_have_the_hands_shape_and_cannot_be_changed() -> None:
         assert not constant.flags.writeable
 
 
-@pytest.mark.parametrize("start", range(1, 6))
-@pytest.mark.parametrize("goal", range(1, 6))
-def test_the_modelled_hand_settles_without_swinging(start: int, goal: int) -> None:
-    pose, begin = CLOSURE_POSES_RAD[goal - 1], CLOSURE_POSES_RAD[start - 1]
-    modelled = ModelledHand(model=JointModel(begin))
-    angles = np.array([modelled.step(goal)[0] for _ in range(1500)])
-    np.testing.assert_allclose(angles[500:], np.broadcast_to(pose, (1000, 16)), rtol=0, atol=0.005)
-    past = (angles - pose) * np.sign(pose - begin)
-    past[:, 14] = 0  # thumb joint 2 turns back between the poses
-    assert past.max() < 0.005
-    assert np.abs(np.diff(angles, axis=0)).max() < 3.0 * 0.003
-
-
 def _seconds_to_half_a_level(
     rise_levels_per_s: float, reported: Callable[[float], tuple[float, float]]
 ) -> float:
@@ -90,18 +77,6 @@ def test_a_level_or_an_addition_out_of_range_gives_no_torque(level: int, added: 
         ModelledHand().step(level, added)
 
 
-def test_a_neighbour_takes_600_ms_and_the_whole_way_1200() -> None:
-    for goal, ticks in [(2, 200), (5, 401)]:
-        controller = HandController()
-        controller.step(OPEN, goal)
-        for _ in range(ticks - 1):
-            controller.step(OPEN, goal)
-        assert controller.target_rad is not None
-        assert not np.array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
-        controller.step(OPEN, goal)
-        np.testing.assert_array_equal(controller.target_rad, CLOSURE_POSES_RAD[goal - 1])
-
-
 def test_level_and_target_follow_the_calls() -> None:
     controller = HandController()
     assert controller.target_rad is None
@@ -114,13 +89,6 @@ def test_level_and_target_follow_the_calls() -> None:
     assert controller.level is None
     np.testing.assert_array_equal(controller.target_rad, limp)
     assert controller.step(limp, 5).tolist() == [0.0] * 16
-
-
-def test_an_open_hand_reported_as_all_zero_is_adopted() -> None:
-    controller = HandController()
-    controller.step(np.zeros(16), 1)
-    assert controller.target_rad is not None
-    assert controller.target_rad.tolist() == [0.0] * 12 + [0.263, 0.0, 0.0, 0.0]
 
 
 def test_out_is_filled_and_may_be_the_angles() -> None:
@@ -201,8 +169,6 @@ def test_poses_of_ones_own_are_checked_and_used() -> None:
     ("settings", "message"),
     [
         ({"kp": -1}, "kp of index_j0"),
-        ({"kp": np.finfo(np.float64).max}, r"kp of index_j0 = .* out of range: 0 to 1000"),
-        ({"kd": 1000.1}, r"kd of index_j0 = 1000.1 .* out of range: 0 to 1000"),
         ({"kd": [0.1] * 15 + [math.inf]}, "kd of thumb_j3"),
         ({"error_limit_rad": 0.0}, "error_limit_rad"),
         ({"torque_limits": 1.1}, "torque_limits of index_j0"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +18,6 @@ Call = Callable[[], Any]
 BAD: dict[type[TegaError], list[tuple[Call, str]]] = {
     WireError: [
         (lambda: wire.allegro_torque_frames([0.0] * 5 + [np.nan] + [0.0] * 10), r"torques\[5\] = NaN tau"),
-        (lambda: wire.allegro_torque_frames([np.inf] * 16), r"torques\[0\] = inf tau"),
         (lambda: wire.allegro_torque_frames([0.0] * 16, device_id=4), "device_id = 4"),
         (lambda: wire.allegro_torque_frames([0.0] * 16, device_id=-1), "device_id = -1"),
         (lambda: wire.allegro_position_frames([3.0] * 16), "angle_rad = 3 rad"),
@@ -43,7 +41,6 @@ BAD: dict[type[TegaError], list[tuple[Call, str]]] = {
         (lambda: wire.player_v2_status("{"), "not JSON: Input data was truncated"),
         (lambda: wire.player_v2_status("[1,[],[],null]"), "player status: not a JSON object"),
         (lambda: wire.player_v2_status("[" * 10_000), "not JSON"),
-        (lambda: wire.player_v2_status('{"Status":7}'), "player status: Expected `object`"),
         (
             lambda: wire.player_v2_status('{"Status":{"VestFront":"x"}}'),
             "player status: Expected `array`, got `str`",
@@ -95,7 +92,6 @@ BAD: dict[type[TegaError], list[tuple[Call, str]]] = {
         (lambda: wire.CytonDecoder(5), "gain = 5 is out of range: 1, 2, 4, 6, 8, 12 or 24"),
         (lambda: wire.CytonDecoder(280), "gain = 280"),
         (lambda: wire.ChordsDecoder(0), "channels = 0"),
-        (lambda: wire.ChordsDecoder(17), "channels = 17"),
         (lambda: wire.SpikerDecoder(7), "channels = 7"),
         (lambda: wire.AsciiEmgDecoder(0), "channels = 0"),
         (lambda: wire.AsciiEmgDecoder(3, leading=-1), "leading = -1"),
@@ -137,19 +133,3 @@ def test_empty_answers_have_their_shapes() -> None:
     assert wire.ChordsDecoder(6).feed(b"").samples.shape == (0, 6)
     assert wire.SpikerDecoder(2).feed(b"").shape == (0, 2)
     assert wire.AsciiEmgDecoder(4).feed(b"").shape == (0, 4)
-
-
-def test_one_decoder_each_in_many_threads() -> None:
-    packet = bytes([0xA0]), bytes(30) + b"\xc0"
-    stream = b"".join(packet[0] + bytes([n % 256]) + packet[1] for n in range(2000))
-    found: list[list[int]] = []
-
-    def run() -> None:
-        found.append(wire.CytonDecoder().feed(stream).counters.tolist())
-
-    threads = [threading.Thread(target=run) for _ in range(4)]
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join()
-    assert found == [[n % 256 for n in range(2000)]] * 4
