@@ -69,23 +69,6 @@ def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
         until(lambda: pushes(hand))
 
 
-@pytest.mark.parametrize("all_of_them", [True, False])
-def test_signals_to_every_process_let_go_and_those_to_the_hand_s_own_change_nothing(*, all_of_them) -> None:
-    with Emulator("allegro_port") as hand, steering(hand) as running:
-        own = [*begun_by(running.pid, "tega.devices.hand.hand_program"), *hand_guards(running.pid)]
-        assert len(own) == 2
-        for number in (signal.SIGTERM, signal.SIGHUP):
-            for pid in ([running.pid] if all_of_them else []) + own:
-                os.kill(pid, number)
-        if all_of_them:
-            until(lambda: limp(hand))
-            assert running.wait() in {128 + signal.SIGTERM, 128 + signal.SIGHUP}
-        else:
-            before = hand.say("look")["torques"]
-            until(lambda: hand.say("look")["torques"] > before + 400)
-            assert not limp(hand)
-
-
 def test_a_closed_terminal_lets_go_of_the_hand() -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         running.send_signal(signal.SIGHUP)

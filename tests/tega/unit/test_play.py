@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -20,7 +19,6 @@ from msgspec.structs import replace
 
 from reference.command import call
 from reference.parts import observed
-from reference.processes import until
 from reference.sessions import read_recorded, record_with_arm
 from tega.config import SessionConfig, check_tree
 from tega.config.calibration.folder import CalibrationFolder
@@ -175,11 +173,10 @@ def test_the_vest_is_told_what_it_was_told_and_the_hand_asked_what_it_was_asked(
     assert summary["played"]["lead_s"] == LEAD_S
 
 
-@contextmanager
-def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subprocess.Popen[str]]:
-    """Play from another process; when it is yielded, the vest is felt and the hand is on."""
+@pytest.mark.slow
+def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
     lab, to, file = session
-    settings = folder / "lab.toml"
+    settings = tmp_path / "lab.toml"
     settings.write_text(tree_text(to), encoding="utf-8")
     words = [sys.executable, "-m", "tega.ui.cli", "play", str(file), "--to", str(settings), "--speed", "2"]
     words += ["--because", "a test", "--json"]
@@ -187,13 +184,6 @@ def playing_at_twice_the_speed(session: Session, folder: Path) -> Iterator[subpr
         while process.poll() is None and (lab.at_rest() or not lab.hand.say("look")["servo_on"]):
             time.sleep(0.01)
         assert process.poll() is None
-        yield process
-
-
-@pytest.mark.slow
-def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
-    lab = session.lab
-    with playing_at_twice_the_speed(session, tmp_path) as process:
         process.send_signal(signal.SIGINT)
         sentence, _ = process.communicate()
     assert process.returncode == 130
@@ -203,14 +193,6 @@ def test_ctrl_c_in_the_middle_leaves_both_without_force(session: Session, tmp_pa
     assert summary["safety"]["changes"][-1]["reason"] == "stopped: Ctrl-C"
     assert lab.limp()
     assert lab.at_rest()
-
-
-@pytest.mark.slow
-def test_a_kill_in_the_middle_leaves_both_without_force(session: Session, tmp_path: Path) -> None:
-    with playing_at_twice_the_speed(session, tmp_path) as process:
-        process.kill()
-    until(session.lab.at_rest)
-    until(session.lab.limp)
 
 
 @pytest.mark.slow
