@@ -14,7 +14,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from reference.command import call
@@ -263,14 +262,6 @@ def test_the_loop_sends_what_this_person_feels_and_rest_stays_rest() -> None:
     assert not any(felt[1:4])
     back = touched(mirror="back")  # the thumb is at the other end
     assert (back[0], back[3], back[16], back[19]) == (50, 0, 0, 50)
-
-
-def test_the_weakest_motor_sets_how_far_all_go() -> None:
-    threshold = [10.0] * 40
-    threshold[5] = 70.0
-    felt = FeltMap(threshold=threshold, step=5).apply(vest_frame([100] * 4, [100] * 4, layout="x40"))
-    assert felt.intensities[5] == 100
-    assert set(np.delete(felt.intensities, 5).tolist()) == {40}
 
 
 @pytest.mark.parametrize(
