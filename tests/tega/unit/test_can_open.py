@@ -68,23 +68,12 @@ def test_the_hint_is_that_of_the_interface(interface: str, error: Exception, tex
     assert hint in caught.value.hint
 
 
-class _Broken:
-    """A bus whose library is gone after it was opened."""
-
-    def recv(self, **_: float) -> None:
-        raise NameError("canRead")
-
-    def send(self, _message: object, **_: float) -> None:
-        raise AttributeError("canWrite")
-
-    def shutdown(self) -> None:
-        raise NameError("canClose")
-
-
 def test_nothing_leaks_from_a_library_that_fails_later() -> None:
     bus = HandBus({"interface": "kvaser", "channel": 0})
     bus.load()
-    bus._bus = _Broken()
+    bus._bus = gone = Mock(spec=["recv", "send", "shutdown"])
+    gone.recv.side_effect = gone.send.side_effect = NameError("canRead")
+    gone.shutdown.side_effect = NameError("canClose")
     assert bus.send([CanFrame(1, b"")]) == []
     assert bus.n_unsent == 1
     assert bus.receive(may_reopen=False) == []

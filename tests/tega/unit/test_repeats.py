@@ -79,11 +79,13 @@ def test_pictures_from_before_the_run_are_not_missing_in_it() -> None:
     assert recorded.n_missing == 2
 
 
-def test_a_bad_frame_delivered_again_is_not_tried_again() -> None:
+def test_a_bad_frame_is_dropped_and_counted_and_not_tried_again() -> None:
     bad = live_frame(1, image=np.zeros((9, 9, 3), np.uint8))
-    got, report = measure([live_frame(0), bad, bad, RecordingError("torn"), live_frame(2)])
-    assert len(got) == 2
-    assert (report.n_dropped, report.n_duplicate) == (2, 1)
+    got, report = measure([live_frame(0), None, bad, bad, RecordingError("torn"), live_frame(4)])
+    assert [contact.t_ns // MS for contact in got] == [0, 64]
+    assert all(contact.in_contact for contact in got)
+    assert (report.n_items, report.n_dropped, report.n_duplicate, report.n_missing) == (2, 2, 1, 3)
+    assert report.lost == ""
 
 
 def test_numbers_that_begin_again_are_new_frames() -> None:
@@ -110,13 +112,6 @@ def test_the_third_equal_picture_of_a_live_sensor_is_not_used(n_measured: Callab
     assert n_measured() == 4
     assert (report.n_items, report.n_identical, report.n_stuck, report.n_missing) == (6, 5, 3, 0)
     assert n_measured() == report.n_items + report.n_stuck - report.n_identical
-
-
-def test_the_equal_pictures_of_a_recording_are_used(n_measured: Callable[[], int]) -> None:
-    got, report = measure(showing(*[0] * 10), live=False)
-    assert len(got) == 10
-    assert n_measured() == 1
-    assert (report.n_items, report.n_identical, report.n_stuck) == (10, 9, 0)
 
 
 def test_a_buffer_that_is_filled_again_is_not_taken_for_a_stuck_sensor() -> None:
@@ -168,7 +163,7 @@ def test_pictures_are_equal_exactly_when_every_pixel_is(data: st.DataObject) -> 
     assert not is_repeat(one[:-1], last)
 
 
-def test_a_recording_whose_pixels_stand_still_says_so(tmp_path: Path) -> None:
+def test_a_recording_whose_pixels_stand_still_says_so(tmp_path: Path, n_measured: Callable[[], int]) -> None:
     folder = write_folder(tmp_path / "thumb", 12)
     for k in (4, 5, 6, 9):
         cv2.imwrite(str(folder / f"frame_{k}.png"), pressed(60, noise=k if k == 9 else 4))
@@ -178,6 +173,7 @@ def test_a_recording_whose_pixels_stand_still_says_so(tmp_path: Path) -> None:
     summary = run_session(check_tree(tree, {}, base=tmp_path).config)
     thumb = summary["tactile"]["thumb"]
     assert (thumb["frames"], thumb["duplicate"], thumb["identical"], thumb["stuck"]) == (12, 0, 2, 0)
+    assert n_measured() == 10
     assert any("2 frames have exactly the pixels of the one before" in note for note in summary["notes"])
     rows = list(csv.DictReader((tmp_path / "out" / "contacts.csv").read_text().splitlines()))
     assert len(rows) == 12
