@@ -108,7 +108,7 @@ def test_a_line_that_is_no_move_is_refused_with_the_moves() -> None:
 
 
 @pytest.mark.slow
-def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
+def test_muscles_squeeze_one_by_one() -> None:
     with EmulatedBench() as bench:
         amplifier = bench.looked["cyton"].found[0]
         options = driver_class("cyton").options_type(**amplifier.options, measure_s=0.5)
@@ -127,19 +127,3 @@ def test_muscles_squeeze_one_by_one_and_a_fingertip_is_pressed() -> None:
             alone = strengths()
         assert alone[1] > 5 * at_rest[1]
         assert alone[0] < 2 * at_rest[0] + 1.0
-        camera = bench.looked["digit"].found[0]
-        with driver_class("digit", "tactile")(driver_class("digit").options_type(**camera.options)) as sensor:
-
-            def picture() -> np.ndarray:
-                until_s = time.monotonic() + 1.0
-                newest = None
-                while newest is None or time.monotonic() < until_s:
-                    newest = sensor.read(1.0) or newest
-                return newest.image.astype(float)
-
-            untouched = picture()
-            bench.moves.act("press thumb 0.9")
-            pressed = picture()
-            bench.moves.act("release")
-            again = picture()
-        assert np.abs(pressed - untouched).max() > 2 * np.abs(again - untouched).max()

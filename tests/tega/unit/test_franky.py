@@ -52,7 +52,7 @@ def led(robot: Emulator) -> Iterator[Led]:
 
 
 @moves
-def test_the_robot_s_hand_goes_where_the_forearm_goes(led: Led, robot: Emulator) -> None:
+def test_the_robot_s_hand_goes_where_the_forearm_goes_and_rests_at_the_end(led: Led, robot: Emulator) -> None:
     led.hold()
     start = led.place
     for step in range(1, 9):
@@ -65,14 +65,7 @@ def test_the_robot_s_hand_goes_where_the_forearm_goes(led: Led, robot: Emulator)
     assert led.arm.health.success_rate == 1.0
     assert "libfranka" in led.arm.info.notes[0]
     assert "robot server 10" in led.arm.info.notes[0]
-
-
-@moves
-def test_it_rests_when_the_run_is_done(robot: Emulator) -> None:
-    robot.say("end")
-    with FrankyArm(options(robot, start_rad=_START)) as arm:
-        Led(arm, _SETTINGS).hold()
-        assert robot.say("look")["mode"] == "kMove"
+    led.arm.close()
     assert robot.say("look")["mode"] == "kIdle"
 
 
