@@ -81,7 +81,6 @@ def test_what_is_asked_for_is_given_in_its_order(
         ("e.csv", "a,b\nc,d\n", {}, r"e\.csv:2: not a row of numbers: 'c,d'"),
         ("e.csv", "# nothing\n", {}, r"e\.csv: holds no sample"),
         ("e.csv", "a,b\n", {}, r"e\.csv: holds no sample"),
-        ("e.csv", "", {}, r"e\.csv: holds no sample"),
         ("e.csv", b"1,2\n\xff\xfe\n", {}, r"e\.csv: not text: byte 4 is 0xff"),
         ("e.csv", "1,2,3\n", {"channels": (4,)}, "has no channel 4; it has 3"),
         ("e.csv", "1,2,3\n", {"channels": (1, 1)}, "asked for twice"),

@@ -25,14 +25,12 @@ from tega_emulators.process import Emulator
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the emulators need Linux")
 
-LAYOUTS = [("spacemouse", TWO), ("spacemouse-wireless", ONE)]
-
 # The cap pushed or turned along one of its own axes, and what the robot's base makes of it: looking along x, the cap's
 # x is right (-y), its y towards the operator (-x), its z down (-z).
 AXES = [(0, 1, -1), (1, 0, -1), (2, 2, -1), (3, 4, -1), (4, 3, -1), (5, 5, -1)]
 
 
-@pytest.mark.parametrize(("device", "numbers"), LAYOUTS)
+@pytest.mark.parametrize(("device", "numbers"), [("spacemouse", TWO), ("spacemouse-wireless", ONE)])
 def test_every_axis_of_both_layouts_arrives_with_its_sign(device: str, numbers: tuple[int, int]) -> None:
     with emulated(device, numbers) as peer, spacemouse() as mouse:
         assert mouse.info.label == MODELS[numbers]

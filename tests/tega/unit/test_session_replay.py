@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 
 from reference.command import call
 from reference.parts import observed
+from reference.played import muscles
 from reference.sessions import SECONDS, read_recorded, record, rewritten, stream, tree
 from tega.config import SessionConfig, check_tree
 from tega.errors import RecordingError
@@ -210,17 +211,8 @@ def test_no_flag_of_loose_files_is_left_out_beside_a_session(flag, tmp_path, cap
 
 def test_records_that_the_loop_never_reads_are_forgotten_as_it_runs(tmp_path: Path) -> None:
     seconds = 8.0
-    np.save(tmp_path / "emg.npy", np.random.default_rng(1).normal(0, 20, (round(200 * seconds), 2)))
-    settings = {
-        "session": {"pace": "fast"},
-        "emg": {
-            "driver": "emg-file",
-            "kind": "raw",
-            "options": {"file": str(tmp_path / "emg.npy"), "rate_hz": 200.0, "channels": [1, 2]},
-        },
-        "recording": {"dir": str(tmp_path / "session"), "stop_free_mib": 0.0},
-    }
-    summary = run_session(check_tree(settings, {}, base=Path.cwd()).config)
+    session = {name: part for name, part in tree(tmp_path / "session").items() if name != "tactile"}
+    summary = run_session(check_tree(session | {"emg": muscles(seconds)}, {}, base=tmp_path).config)
     feed = RecordFeed(tmp_path / "session" / str(summary["recording"]["file"]))
     run = RecordedRun(feed, Measured(feed, Bus()), lambda _t_ns: None)
     rows, n_most = run.newest(HandCommand).rows, 0
