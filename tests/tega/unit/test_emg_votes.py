@@ -88,6 +88,12 @@ def test_neither_votes_nor_stamps_depend_on_how_samples_are_cut(cut: list[int], 
     assert levels(samples, cut=cut)[0] == whole
 
 
+def test_mains_that_move_nothing_are_left_alone() -> None:
+    blocks, report = levels(np.concatenate([squeeze(500), hum(500, size=5.0)]))
+    assert report.faults == ()
+    assert blocks[-1].level == 1
+
+
 def test_samples_of_another_number_of_channels_are_refused() -> None:
     with pytest.raises(ShapeError):
         ChannelVotes(RATE_HZ, TAU, "envelope", ["a"], [100.0]).take(np.zeros((5, 2)))
