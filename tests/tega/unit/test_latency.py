@@ -302,7 +302,7 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("preset", ["live", "paper"])
+@pytest.mark.parametrize("preset", ["live", pytest.param("paper", marks=pytest.mark.deep)])
 def test_bench_loop_tells_every_stage(preset: str) -> None:
     words = [sys.executable, "-m", "tega.ui.cli", "bench", "loop", "--seconds", "3", "--preset", preset]
     message = json.loads(
