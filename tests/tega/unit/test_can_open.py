@@ -20,8 +20,7 @@ from tega.devices.hand.python_can import PythonCan, PythonCanOptions
 from tega.errors import DeviceUnavailableError
 from tega.wire import CanFrame
 
-_THERE = {"virtual", "udp_multicast"}
-_ABSENT = sorted(set(can.VALID_INTERFACES) - _THERE)
+_ABSENT = sorted(set(can.VALID_INTERFACES) - {"virtual", "udp_multicast"})
 _CHANNELS = {"slcan": "/dev/no-such-port", "socketcan": "nocan0", "pcan": "PCAN_USBBUS16"}
 
 

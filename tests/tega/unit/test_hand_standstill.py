@@ -32,9 +32,6 @@ from tega.safety.sleep_lock import SleepLock
 from tega.wire import CanFrame
 from tega_emulators.process import Emulator
 
-# More than the hand's watchdog of the test, in which it is silent.
-STOPPED_S = 2.5
-
 
 @pytest.mark.slow
 def test_programs_that_stood_still_together_send_no_torque_before_they_let_go() -> None:
@@ -44,7 +41,7 @@ def test_programs_that_stood_still_together_send_no_torque_before_they_let_go() 
         assert len(pids) == 2
         for pid in pids:
             os.kill(pid, signal.SIGSTOP)
-        time.sleep(STOPPED_S)
+        time.sleep(2.5)  # more than the hand's watchdog of the test, in which it is silent
         assert not limp(hand)
         begun_s = time.monotonic()
         for pid in reversed(pids):

@@ -165,7 +165,6 @@ def test_damaged_sums_are_refused() -> None:
 
 
 SETTINGS = RecordingSection(lossless=True, stop_free_mib=0.0, warn_free_mib=0.0)
-EPOCH_NS = 1_700_000_000_000_000_000
 
 
 def picture(k: int) -> Picture:
@@ -176,7 +175,7 @@ def picture(k: int) -> Picture:
 def begun(folder: Path, settings: RecordingSection = SETTINGS) -> RecorderProcess:
     recorder = RecorderProcess(SessionFolder(folder), settings, realtime=False)
     recorder.head({"tega": {"format": "test"}}, {})
-    recorder.begin(0, EPOCH_NS)
+    recorder.begin(0, 1_700_000_000_000_000_000)
     return recorder
 
 

@@ -15,7 +15,6 @@ from reference import wire as reference
 from tega import wire
 
 CCI, EDA = [80, 60, 40, 20], [10, 0, 100, 55]
-FOUR_ROWS = CCI * 4 + [0] * 4 + EDA * 4 + [0] * 4
 
 
 def test_every_motor_has_its_place_in_a_bluetooth_frame() -> None:
@@ -52,7 +51,9 @@ def test_player_status() -> None:
 
 
 def test_newer_sockets() -> None:
-    inner = json.loads(json.loads(wire.sdk3_dot_message(FOUR_ROWS, motors=32))["Message"])
+    inner = json.loads(
+        json.loads(wire.sdk3_dot_message(CCI * 4 + [0] * 4 + EDA * 4 + [0] * 4, motors=32))["Message"]
+    )
     assert inner["motorValues"] == CCI * 4 + EDA * 4
     assert wire.sdk3_stop_message() == '{"Type":"SdkStopAll"}'
 

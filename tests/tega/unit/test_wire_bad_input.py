@@ -27,7 +27,6 @@ BAD: dict[type[TegaError], list[tuple[Call, str]]] = {
         (lambda: wire.allegro_report_frame(wire.AllegroSerial("123456789")), "123456789"),
         (lambda: wire.x40_ble_frame(FORTY + 101), r"intensities\[0\] = 101 %"),
         (lambda: wire.x40_ble_frame([-1] + [0] * 39), r"intensities\[0\] = -1"),
-        (lambda: wire.vest_levels([101]), r"intensities\[0\] = 101"),
         (lambda: wire.x40_ble_levels(bytes(19)), "vest frame of 19 bytes"),
         (lambda: wire.x16_levels(bytes(21)), "vest frame of 21 bytes"),
         (lambda: wire.player_v2_message(FORTY, duration_ms=19), "duration_ms = 19 ms"),
