@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import event, given, settings
 from hypothesis import strategies as st
-from scipy.spatial.transform import Rotation
 
 from reference.arm import Obedience, quaternions, turn_between, vectors
+from reference.arm_bench import FORWARD, MIDDLE, Bench
 from tega.arm import (
     ArmChain,
     ArmCommand,
@@ -26,8 +27,6 @@ from tega.arm import rotation as so3
 from tega.arm.motion import Follower
 from tega.arm.workspace import Workspace
 
-MIDDLE = np.array([0.5, 0.0, 0.3])
-FORWARD = Rotation.from_euler("y", 90, degrees=True).as_quat()  # the tool's axis points along x
 BASE = MappingSettings(frame="base")
 
 
@@ -204,22 +203,13 @@ def test_no_input_leads_to_a_target_that_breaks_a_limit(limits, ticks, mapping) 
     event("moved" if obedience.moved_m > 0.01 else "hardly moved")
 
 
-def follow(
-    chain: ArmChain, now_ns: int, n: int, dt_ns: int, hand=lambda _t: (np.zeros(3), so3.IDENTITY), **more
-) -> list[ArmCommand]:
-    """Step with a good hand and an arm that is where it is asked to be."""
-    out, arm = [], more.pop("arm", Pose(MIDDLE, FORWARD))
-    for number in range(n):
-        now_ns += dt_ns
-        place, q = hand(number)
-        command = chain.step(
-            now_ns,
-            [StampedPose(now_ns, place, q)],
-            measured=StampedPose(now_ns, *arm),
-            **{"clutch": True, "dead_man": True, **more},
-        )
-        arm = command.target or arm
-        out.append(command)
+def follow(bench: Bench, n: int, dt_ms: int, hand: Callable[[int], Pose]) -> list[ArmCommand]:
+    """Step twice with the clutch open, then so many times with a hand that goes its way."""
+    out = []
+    for number in range(-2, n):
+        bench.clutch = number >= 0
+        bench.hand_m, bench.turn = hand(max(number, 0))
+        out.append(bench.go(dt_ms, dt_ms=dt_ms))
     return out
 
 
@@ -232,26 +222,19 @@ def follow(
 )
 @settings(max_examples=12)
 def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> None:
-    chain = ArmChain(ArmSettings(mapping=MappingSettings(scale=scale)))
-    start = Pose(MIDDLE + 0.1 * place, FORWARD)
-    now_ns, measured_m, held = 0, start.position_m, 0
+    bench, start, held = Bench(LimitSettings(), frame="openxr", scale=scale), MIDDLE + 0.1 * place, 0
+    bench.arm = Pose(start, FORWARD)
     for n in range(3):  # take hold, let go, take hold elsewhere
-        hand = place + 0.5 * n, so3.multiply(so3.exp(0.9 * n * place), q)
+        bench.hand_m, bench.turn = place + 0.5 * n, so3.multiply(so3.exp(0.9 * n * place), q)
         for tick_number in range(30):
-            now_ns += dt_ms * 1_000_000
-            command = chain.step(
-                now_ns,
-                [StampedPose(now_ns, *hand)],
-                clutch=tick_number > 20,  # by then the tracker's jump is forgotten
-                dead_man=True,
-                measured=StampedPose(now_ns, measured_m, FORWARD),
-            )
+            bench.clutch = tick_number > 20  # by then the tracker's jump is forgotten
+            command = bench.go(dt_ms, dt_ms=dt_ms)
             held += command.state == "following"
             if command.target is not None:
-                np.testing.assert_allclose(command.target.position_m, start.position_m, atol=1e-12)
+                np.testing.assert_allclose(command.target.position_m, start, atol=1e-12)
                 assert turn_between(command.target.quaternion_xyzw, FORWARD) < 1e-9
                 # A spring sags, and is not followed down.
-                measured_m = start.position_m - np.array([0, 0, sag_m])
+                bench.arm = Pose(start - np.array([0, 0, sag_m]), FORWARD)
     assert command.engagements == 3
     assert held == 27
 
@@ -263,25 +246,17 @@ def test_taking_hold_never_moves_the_target(place, q, dt_ms, sag_m, scale) -> No
 )
 @settings(max_examples=6)
 def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_else(goals, dt_ms, far_m):
-    limits = LimitSettings()
-    chain = ArmChain(ArmSettings(mapping=MappingSettings(frame="base", absolute=True), limits=limits))
-    workspace = Workspace(limits)
-    now_ns, hand = 0, Pose(MIDDLE + 0.05 * goals[0][0], FORWARD)
-    measured, pose = StampedPose(0, MIDDLE, FORWARD), StampedPose(0, *hand)
+    bench = Bench(LimitSettings(), absolute=True)
+    workspace, hand = Workspace(bench.limits), Pose(MIDDLE + 0.05 * goals[0][0], FORWARD)
     for v, w in goals:
         goal = Pose(MIDDLE + far_m * v, so3.multiply(so3.exp(0.5 * w), FORWARD))
+        turn = so3.between(hand.quaternion_xyzw, goal.quaternion_xyzw)
         for number in range(8000 // dt_ms):
-            now_ns += dt_ms * 1_000_000
             share = min(1.0, number * dt_ms / 3000)  # no faster than the gate believes
-            place = (1 - share) * hand.position_m + share * goal.position_m
-            turn = so3.multiply(
-                so3.exp(share * so3.between(hand.quaternion_xyzw, goal.quaternion_xyzw)), hand.quaternion_xyzw
-            )
-            pose = StampedPose(now_ns, place, turn)
-            measured = measured._replace(t_ns=now_ns)
-            command = chain.step(now_ns, [pose], clutch=now_ns > 50_000_000, dead_man=True, measured=measured)
-            if command.target is not None:
-                measured = StampedPose(now_ns, *command.target)
+            bench.hand_m = (1 - share) * hand.position_m + share * goal.position_m
+            bench.turn = so3.multiply(so3.exp(share * turn), hand.quaternion_xyzw)
+            bench.clutch = bench.now_ns > 20_000_000
+            command = bench.go(dt_ms, dt_ms=dt_ms)
         hand, inside = goal, workspace.inside(goal)
         assert command.state == "following"
         assert command.target is not None
@@ -294,67 +269,56 @@ def test_an_absolute_pose_is_reached_where_it_lies_inside_and_its_nearest_place_
 def test_q_and_minus_q_lead_to_the_same(v, w, dt_ms) -> None:
     runs = []
     for sign in (1, -1):
-        chain = ArmChain(ArmSettings(mapping=BASE))
-        dt_ns = dt_ms * 1_000_000
-        follow(chain, 0, 2, dt_ns, clutch=False)
 
-        def hand(n: int, sign: int = sign) -> tuple[np.ndarray, np.ndarray]:
-            return 0.002 * n * v, so3.exp(0.02 * n * w) * (sign if n % 3 else 1)
+        def hand(n: int, sign: int = sign) -> Pose:
+            return Pose(0.002 * n * v, so3.exp(0.02 * n * w) * (sign if n % 3 else 1))
 
-        runs.append(follow(chain, 2 * dt_ns, 25, dt_ns, hand))
+        runs.append(follow(Bench(LimitSettings()), 25, dt_ms, hand)[2:])
     for one, other in zip(*runs, strict=True):
         np.testing.assert_array_equal(one.target.position_m, other.target.position_m)
         np.testing.assert_array_equal(one.target.quaternion_xyzw, other.target.quaternion_xyzw)
 
 
-@given(rate_hz=st.integers(1, 1000), v=vectors, w=vectors)
+@given(dt_ms=st.integers(1, 1000), v=vectors, w=vectors)
 @settings(max_examples=20)
-def test_limits_hold_at_any_rate(rate_hz, v, w) -> None:
-    limits = LimitSettings()
-    chain, obedience = ArmChain(ArmSettings(mapping=BASE)), Obedience(limits)
-    dt_ns = round(1e9 / rate_hz)
-    seconds = 60 / rate_hz
+def test_limits_hold_at_any_rate(dt_ms, v, w) -> None:
+    bench, seconds = Bench(LimitSettings()), 0.06 * dt_ms
+    obedience = Obedience(bench.limits)
 
-    def hand(n: int) -> tuple[np.ndarray, np.ndarray]:
+    def hand(n: int) -> Pose:
         phase = math.sin(2 * math.pi * n / 40)
-        return min(0.08, 2 * seconds) * phase * v, so3.exp(min(0.5, 5 * seconds) * phase * w)
+        return Pose(min(0.08, 2 * seconds) * phase * v, so3.exp(min(0.5, 5 * seconds) * phase * w))
 
-    for command in follow(chain, 0, 2, dt_ns, clutch=False) + follow(chain, 2 * dt_ns, 60, dt_ns, hand):
+    for command in follow(bench, 60, dt_ms, hand):
         obedience.observe(command)
-    if rate_hz >= 20:
+    if dt_ms <= 50:
         # A drawn hand that turns as fast as the gate's limit is taken for a tracker that jumps.
         assert command.state == "following" or "no vote: it jumped" in command.reason
-    if rate_hz < 10:  # slower than the watchdog: it never begins
+    if dt_ms > 100:  # slower than the watchdog: it never begins
         assert command.target is None
 
 
 @given(v=vectors, w=vectors, ahead_m=st.sampled_from([0.005, 0.03]), ahead_rad=st.sampled_from([0.05, 0.2]))
 @settings(max_examples=6)
 def test_the_target_stays_near_an_arm_that_is_stuck(v, w, ahead_m, ahead_rad) -> None:
-    chain = ArmChain(
-        ArmSettings(mapping=BASE, limits=LimitSettings(ahead_m=ahead_m, ahead_rad=ahead_rad, tilt_rad=1.5))
-    )
-    arm, now_ns = Pose(MIDDLE, FORWARD), 0
-    for n in range(150):
-        now_ns += 8_000_000
+    bench = Bench(LimitSettings(ahead_m=ahead_m, ahead_rad=ahead_rad, tilt_rad=1.5))
+    bench.stuck = True
+
+    def hand(n: int) -> Pose:
         swing = math.sin(n / 10)
         place = 0.3 * np.array([swing * v[0], math.cos(n / 17) * v[1], swing * v[2]])
-        command = chain.step(
-            now_ns,
-            [StampedPose(now_ns, place, so3.exp(0.8 * swing * w))],
-            clutch=n > 1,
-            dead_man=True,
-            measured=StampedPose(now_ns, *arm),
-        )
+        return Pose(place, so3.exp(0.8 * swing * w))
+
+    for command in follow(bench, 150, 8, hand):
         if command.target is not None:
             assert np.linalg.norm(command.target.position_m - MIDDLE) <= ahead_m + 1e-6
             assert turn_between(command.target.quaternion_xyzw, FORWARD) <= ahead_rad + 1e-6
 
 
 def test_a_filter_that_is_off_does_nothing() -> None:
-    chain = ArmChain(ArmSettings(mapping=BASE, filter=FilterSettings(on=False)))
-    follow(chain, 0, 2, 10_000_000, clutch=False)
-    ramp = follow(chain, 20_000_000, 200, 10_000_000, lambda n: (np.array([0, 0.0005 * n, 0]), so3.IDENTITY))
+    bench = Bench()
+    bench.chain = ArmChain(ArmSettings(mapping=BASE, filter=FilterSettings(on=False)))
+    ramp = follow(bench, 200, 10, lambda n: Pose(np.array([0, 0.0005 * n, 0]), so3.IDENTITY))
     assert ramp[-1].target is not None
     # The gap on a ramp is that of a tick, not that of a filter.
     assert abs(ramp[-1].target.position_m[1] - 0.0005 * 199) < 0.001
