@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import contextlib
-import functools
 import io
 import os
 import random
 import socket
-from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.reader import NonSeekingReader
 from mcap.writer import Writer
@@ -23,7 +21,7 @@ from tega.errors import TegaError
 from tega.runtime.files.foreign_file import MIB
 
 FEW = settings(
-    max_examples=settings().max_examples // 2,  # of each kind; `make slow` reads 10,000
+    max_examples=settings().max_examples // 2,  # of each kind; `make deep` reads 10,000
     deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
@@ -42,20 +40,6 @@ FAR_NS = [sign * size for size in (1_000_000, 10**12, 365 * 86_400 * 10**9, 2**6
 """By how much a message's log time is moved."""
 
 
-def valid_files(readers: Mapping[str, Reader], factory: pytest.TempPathFactory) -> Callable[[str], bytes]:
-    """Return a function that makes a valid file of each kind, once."""
-    return functools.cache(lambda kind: readers[kind][1](factory.mktemp("valid")))
-
-
-def ends_with_errors_of_tega(reader: Reader, content: bytes, folder: Path) -> None:
-    """Read a file of this content; whatever it holds, only TEGA's own errors come of it."""
-    name, _, read = reader
-    path = folder / name
-    path.write_bytes(content)
-    with contextlib.suppress(TegaError):
-        read(path)
-
-
 def mutated(content: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
     """Return a file's content with some places of it changed."""
     for how, spot, new in changes:
@@ -72,22 +56,6 @@ def mutated(content: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
             case _:
                 content = new
     return content
-
-
-def draw_changes(rng: random.Random) -> list[tuple[str, float, bytes]]:
-    """Draw one to three changes of a file's bytes."""
-    hows = ("set", "insert", "cut", "twice", "zeros", "instead", "deep")
-    drawn = []
-    for _ in range(rng.randint(1, 3)):
-        how = rng.choice(hows)
-        new = {
-            "cut": b"",
-            "twice": b"",
-            "zeros": bytes(64),
-            "deep": rng.choice([b"[", b'{"a":', b"x = ["]) * 5000,
-        }
-        drawn.append((how, rng.random(), new.get(how, rng.randbytes(rng.randint(1, 64)))))
-    return drawn
 
 
 def odd(source: Path, target: Path, spot: float, changes: list[Any], kinds: set[str]) -> None:
@@ -128,16 +96,20 @@ def odd(source: Path, target: Path, spot: float, changes: list[Any], kinds: set[
         writer.finish()
 
 
-def ends_with_errors_however_mutated(reader: Reader, kind: str, n: int, folder: Path) -> None:
+def ends_with_errors_however_mutated(reader: Reader, folder: Path, n: int = FEW.max_examples) -> None:
     """Check that a reader ends with an error of TEGA, or none, for so many mutations of its file."""
     name, make, read = reader
-    whole, rng = make(folder), random.Random(f"{kind} 1")
-    path = folder / "mutated" / name
+    whole, path = make(folder), folder / "mutated" / name
     path.parent.mkdir()
-    for _ in range(n):
-        path.write_bytes(mutated(whole, draw_changes(rng)))
+
+    @settings(FEW, max_examples=n)
+    @given(changes=st.lists(CHANGE, max_size=4))
+    def check(changes: list[tuple[str, float, bytes]]) -> None:
+        path.write_bytes(mutated(whole, changes))
         with contextlib.suppress(TegaError):
             read(path)
+
+    check()
 
 
 def refuses_what_is_no_file(reader: Reader, tmp_path: Path) -> None:
