@@ -11,6 +11,7 @@ from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima,
 from tega.errors import CalibrationError, DtypeError, InvalidValueError, ShapeError
 
 RATES_HZ = [200.0, 250.0, 500.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]
+NOT_POSITIVE = (0.0, -1.0, np.nan, np.inf)
 
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
@@ -120,57 +121,44 @@ def test_a_wrong_shape_or_type_is_refused(samples: Any, error: type[Exception], 
             process(samples)
 
 
-def test_bad_settings_are_refused() -> None:
-    wrong = {"rate_hz": (0.0, -200.0, np.nan, np.inf), "order": (-1, 0, 9), "channels": (-1, 0, 1025)}
-    for name, values in wrong.items():
-        for value in values:
-            options: Any = {"rate_hz": 200.0, name: value}
-            with pytest.raises(InvalidValueError, match=name):
-                ButterworthLowpass(**options)
-    for tau in (-5, 0, 10_000_001):
-        with pytest.raises(InvalidValueError, match="tau"):
-            BlockMean(tau)
-        with pytest.raises(InvalidValueError, match="tau"):
-            GraspIntent(200, [1.0], tau=tau)
-    with pytest.raises(InvalidValueError, match="kind"):
-        GraspIntent(200, [1.0], tau=20, kind="cooked")  # type: ignore[arg-type]
-    with pytest.raises(InvalidValueError, match="preset"):
-        GraspIntent(200, [1.0], tau=20, preset="paperback")  # type: ignore[arg-type]
-    for cutoff_hz in (0.0, 99.9999, np.nan):
-        with pytest.raises(InvalidValueError, match=r"cutoff_hz = .* rate_hz = "):
-            ButterworthLowpass(200.0, cutoff_hz)
-    with pytest.raises(InvalidValueError, match=r"cutoff_hz = 50 Hz .* rate_hz = 80 Hz"):
-        GraspIntent(80, [1.0], tau=20)
-    with pytest.raises(ShapeError, match="maxima"):
-        GraspIntent(200, [[1.0, 2.0]], tau=20)
-    for maximum in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(CalibrationError, match="channel 2"):
-            GraspIntent(200, [1.0, maximum], tau=20)
+INTENT: dict[str, Any] = {"rate_hz": 200, "maxima": [1.0], "tau": 20}
+MAXIMA: dict[str, Any] = {"samples": np.full((400, 2), 512.0), "rate_hz": 200, "tau": 20}
+GAP = np.where(np.arange(400)[:, np.newaxis] * [0, 1] == 7, np.nan, 1.0)
+NO_CUTOFF = r"cutoff_hz = .* rate_hz = "
+REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], str]] = [
+    (ButterworthLowpass, {}, "rate_hz", (0.0, -200.0, np.nan, np.inf), InvalidValueError, "rate_hz"),
+    (ButterworthLowpass, {"rate_hz": 200.0}, "order", (-1, 0, 9), InvalidValueError, "order"),
+    (ButterworthLowpass, {"rate_hz": 200.0}, "channels", (-1, 0, 1025), InvalidValueError, "channels"),
+    (
+        ButterworthLowpass,
+        {"rate_hz": 200.0},
+        "cutoff_hz",
+        (0.0, 99.9999, np.nan),
+        InvalidValueError,
+        NO_CUTOFF,
+    ),
+    (BlockMean, {}, "tau", (-5, 0, 10_000_001), InvalidValueError, "tau"),
+    (GraspIntent, INTENT, "tau", (-5, 0, 10_000_001), InvalidValueError, "tau"),
+    (GraspIntent, INTENT, "kind", ("cooked",), InvalidValueError, "kind"),
+    (GraspIntent, INTENT, "preset", ("paperback",), InvalidValueError, "preset"),
+    (GraspIntent, INTENT, "rate_hz", (80,), InvalidValueError, r"cutoff_hz = 50 Hz .* rate_hz = 80 Hz"),
+    (GraspIntent, INTENT, "maxima", ([[1.0, 2.0]],), ShapeError, "maxima"),
+    (GraspIntent, INTENT, "maxima", tuple([1.0, m] for m in NOT_POSITIVE), CalibrationError, "channel 2"),
+    (fuse_levels, {}, "levels", ([],), InvalidValueError, "empty"),
+    (fuse_levels, {}, "levels", tuple([1, n, 2] for n in (-1, 0, 6, 300)), InvalidValueError, "level = "),
+    (grasp_level, {"value": 1.0}, "maximum", NOT_POSITIVE, InvalidValueError, "maximum"),
+    (channel_maxima, MAXIMA, "tau", (20,), CalibrationError, "maximum of channel 1"),
+    (channel_maxima, MAXIMA, "samples", (np.ones((19, 2)),), CalibrationError, "19 samples"),
+    (channel_maxima, MAXIMA, "samples", (GAP,), CalibrationError, "sample 7 of channel 2"),
+    (channel_maxima, MAXIMA, "samples", (np.empty((400, 0)),), InvalidValueError, "channels"),
+    (channel_maxima, MAXIMA, "percentile", (-1.0, 100.1, np.nan), InvalidValueError, "percentile"),
+]
 
 
-def test_bad_levels_are_refused() -> None:
-    with pytest.raises(InvalidValueError, match="empty"):
-        fuse_levels([])
-    for level in (-1, 0, 6, 300):
-        with pytest.raises(InvalidValueError, match=f"level = {level}"):
-            fuse_levels([1, level, 2])
-    for maximum in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InvalidValueError, match="maximum"):
-            grasp_level(1.0, maximum)
-
-
-def test_bad_calibrations_are_refused() -> None:
-    flat, short = np.full((400, 2), 512.0), np.ones((19, 2))
-    with pytest.raises(CalibrationError, match="maximum of channel 1"):
-        channel_maxima(flat, 200, tau=20)
-    with pytest.raises(CalibrationError, match="19 samples"):
-        channel_maxima(short, 200, tau=20)
-    gap = np.ones((400, 2))
-    gap[7, 1] = np.nan
-    with pytest.raises(CalibrationError, match="sample 7 of channel 2"):
-        channel_maxima(gap, 200, tau=20)
-    for percentile in (-1.0, 100.1, np.nan):
-        with pytest.raises(InvalidValueError, match="percentile"):
-            channel_maxima(flat, 200, tau=20, percentile=percentile)
-    with pytest.raises(InvalidValueError, match="channels"):
-        channel_maxima(np.empty((400, 0)), 200, tau=20)
+@pytest.mark.parametrize(("call", "rest", "name", "values", "error", "text"), REFUSED)
+def test_what_makes_no_sense_is_refused(
+    call: Any, rest: dict[str, Any], name: str, values: tuple[Any, ...], error: type[Exception], text: str
+) -> None:
+    for value in values:
+        with pytest.raises(error, match=text):
+            call(**rest | {name: value})

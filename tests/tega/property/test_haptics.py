@@ -207,52 +207,47 @@ def test_vest_intensities_of_several_moments(data, shape, layout, mirror) -> Non
     assert found.reshape(-1, n_motors).tolist() == [frame.intensities.tolist() for frame in frames]
 
 
-def test_arrays_and_choices_without_a_meaning_are_refused() -> None:
-    anything: Any = "x41"
-    with pytest.raises(DtypeError):
-        intensity(np.array(["a"]), 1.0)
-    with pytest.raises(InvalidValueError):
-        intensity([0.0, np.inf], 1.0)
-    with pytest.raises(InvalidValueError):
-        vest_intensities([[np.nan, 0, 0, 0]], [0] * 4)
-    for front, back in (([0] * 3, [0] * 4), (np.zeros((2, 4)), np.zeros((3, 4))), (0.0, 0.0)):
-        with pytest.raises(ShapeError):
-            vest_intensities(front, back)
-    with pytest.raises(DtypeError):
-        vest_intensities(["a"] * 4, [0] * 4)
-    with pytest.raises(ShapeError, match="front has 3 numbers"):
-        vest_frame([1, 2, 3], EDA)
-    with pytest.raises(DtypeError, match="back = "):
-        vest_frame(CCI, ["a", "b", "c", "d"])  # type: ignore[list-item]
-    with pytest.raises(InvalidValueError, match='layout = "x41"'):
-        vest_frame(CCI, EDA, layout=anything)
-    with pytest.raises(InvalidValueError, match="mirror = 'x41'"):
-        vest_frame(CCI, EDA, mirror=anything)
+NOT_FINITE = (math.nan, math.inf, -math.inf)
+LAW_OF: dict[str, Any] = {"value": 1.0, "maximum": 1.0}
+LINEAR = LAW_OF | {"law": "linear"}
+FACES: dict[str, Any] = {"front": CCI, "back": EDA}
+NO_MAXIMUM = r"maximum = .*calibrate"
+REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], str]] = [
+    (intensity, LAW_OF, "value", (*NOT_FINITE, [0.0, np.inf]), InvalidValueError, "value = "),
+    (intensity, LINEAR, "value", NOT_FINITE, InvalidValueError, "value = "),
+    (intensity, LAW_OF, "maximum", (0.0, -1.0, math.nan, math.inf), InvalidValueError, NO_MAXIMUM),
+    (intensity, LINEAR, "maximum", (0.0, -1.0, math.nan, math.inf), InvalidValueError, NO_MAXIMUM),
+    (intensity, LAW_OF, "end_value", (0.0, 0.5, -0.1, math.nan), InvalidValueError, "end_value = "),
+    (intensity, LAW_OF, "law", ("cubic",), InvalidValueError, "law = 'cubic'"),
+    (intensity, LAW_OF, "value", (np.array(["a"]),), DtypeError, "no real numbers"),
+    (vest_intensities, FACES, "front", ([[np.nan, 0, 0, 0]],), InvalidValueError, "NaN"),
+    (vest_intensities, FACES, "front", ([0] * 3, 0.0), ShapeError, "front"),
+    (vest_intensities, {"back": np.zeros((3, 4))}, "front", (np.zeros((2, 4)),), ShapeError, "front"),
+    (vest_intensities, FACES, "front", (["a"] * 4,), DtypeError, "front"),
+    (vest_frame, FACES, "front", ([1, 2, 3],), ShapeError, "front has 3 numbers"),
+    (vest_frame, FACES, "back", (list("abcd"),), DtypeError, "back = "),
+    (vest_frame, FACES, "layout", ("x41",), InvalidValueError, 'layout = "x41"'),
+    (vest_frame, FACES, "mirror", ("x41",), InvalidValueError, "mirror = 'x41'"),
+    (contact_type, {"cci_norm": 0.5}, "eda_norm", (math.nan,), InvalidValueError, "eda_norm = NaN"),
+    (contact_type, {"eda_norm": 0.5}, "cci_norm", (-0.5,), InvalidValueError, r"cci_norm = -0\.5"),
+]
 
 
-@pytest.mark.parametrize("law", ["logistic", "linear"])
-def test_numbers_outside_their_range_are_refused_by_name(law: Any) -> None:
-    for value in (math.nan, math.inf, -math.inf):
-        with pytest.raises(InvalidValueError, match="value = "):
-            intensity(value, 1.0, law=law)
-    for maximum in (0.0, -1.0, math.nan, math.inf):
-        with pytest.raises(InvalidValueError, match=r"maximum = .*calibrate"):
-            intensity(1.0, maximum, law=law)
-    for end_value in (0.0, 0.5, -0.1, math.nan):
-        with pytest.raises(InvalidValueError, match="end_value = "):
-            intensity(1.0, 1.0, end_value=end_value)
-    with pytest.raises(InvalidValueError, match="law = 'cubic'"):
-        intensity(1.0, 1.0, law="cubic")  # type: ignore[call-overload]
+@pytest.mark.parametrize(("call", "rest", "name", "values", "error", "text"), REFUSED)
+def test_what_makes_no_sense_is_refused_by_name(
+    call: Any, rest: dict[str, Any], name: str, values: tuple[Any, ...], error: type[Exception], text: str
+) -> None:
+    for value in values:
+        with pytest.raises(error, match=text):
+            call(**rest | {name: value})
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("bad", NOT_FINITE)
 def test_an_intensity_that_is_not_finite_names_face_and_finger(bad: float) -> None:
     for name, row in zip(FINGERS, np.eye(4), strict=True):
-        values = np.where(row, bad, 1.0)
-        with pytest.raises(InvalidValueError, match=f"front intensity of the {name}"):
-            vest_frame(values, EDA)
-        with pytest.raises(InvalidValueError, match=f"back intensity of the {name}"):
-            vest_frame(CCI, values)
+        for face in FACES:
+            with pytest.raises(InvalidValueError, match=f"{face} intensity of the {name}"):
+                vest_frame(**FACES | {face: np.where(row, bad, 1.0)})
 
 
 def test_a_frame_is_a_value() -> None:
@@ -287,10 +282,6 @@ def test_a_frame_made_by_hand_is_checked(intensities: Any, error: type[Exception
 def test_every_contact_type_has_its_rule() -> None:
     seen = {contact_type(c, e) for c, e in [(0, 0), (0.9, 0.1), (0.1, 0.9), (0.9, 0.9), (0.1, 0.1)]}
     assert seen == set(CONTACT_RULES)
-    with pytest.raises(InvalidValueError, match="eda_norm = NaN"):
-        contact_type(0.5, math.nan)
-    with pytest.raises(InvalidValueError, match=r"cci_norm = -0\.5"):
-        contact_type(-0.5, 0.5)
 
 
 def test_the_fingers_have_one_order_of_the_columns_and_one_of_the_hand() -> None:
