@@ -7,18 +7,16 @@ import itertools
 import json
 import math
 import sys
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from reference.parts import observed
+from reference.parts import Running
+from reference.processes import until
 from tega.config import check_tree
 from tega.errors import RecordingError
-from tega.loop import LoopView, run_session
-from tega.loop.controls import Controls
 from tega.recording.export import export_file
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_index import open_indexed
@@ -33,60 +31,40 @@ from tega_figures.arm_path import follow_path, hand_of, hand_path, tracked
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(sys.platform == "win32", reason="needs Linux or macOS")]
 pytest.importorskip("foxglove", reason="comes with the extra record")
 
-_DEAD_MAN, _CLUTCH = 0, 1
+# What the run shows, or how long it goes on, then what is said to dead-man (0) and clutch (1) and to the headset.
+_STEPS = (
+    ("idle", ("press 0", "press 1"), ""),
+    ("following", (), "wave 0.1 0.3"),
+    ("1.5 s", (), "jump 0.4 0 0"),
+    ("0.5 s", ("lift 0",), ""),
+    ("holding", ("press 0",), ""),
+    ("following", (), "lose"),
+    ("idle", (), ""),
+    ("0.3 s", (), ""),
+)
 
 
-class _Script:
-    """Presses and lets go while a run goes on; its steps are counted in what the run shows, not in time."""
-
-    def __init__(self, lab: Any) -> None:
-        self._lab, self.over = lab, False
-        self._steps = iter(
-            (
-                ("idle", ("press 0", "press 1"), ()),
-                ("following", (), ("wave 0.1 0.3",)),
-                ("1.5 s", (), ("jump 0.4 0 0",)),
-                ("0.5 s", ("lift 0",), ()),
-                ("holding", ("press 0",), ()),
-                ("following", (), ("lose",)),
-                ("idle", (), ()),
-                ("0.3 s", (), ()),
-            )
-        )
-        self._next = next(self._steps)
-        self._since_ns = 0
-
-    def observe(self, view: LoopView) -> None:
-        if self.over:
-            return
-        wanted, cap, headset = self._next
-        waited = wanted.endswith(" s") and view.t_ns - self._since_ns >= 1e9 * float(wanted[:-2])
-        if not (waited or view.arm.startswith(wanted)):
-            return
-        for word in cap:
-            self._lab.cap.say(word)
-        for word in headset:
-            self._lab.headset.say(word)
-        self._since_ns = view.t_ns
-        following = next(self._steps, None)
-        self.over = following is None
-        self._next = following or self._next
+def _wait(run: Running, wanted: str) -> None:
+    since_ns = run.view.t_ns
+    if wanted.endswith(" s"):
+        until(lambda: run.view.t_ns - since_ns >= 1e9 * float(wanted[:-2]))
+    else:
+        until(lambda: run.view.arm.startswith(wanted))
 
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("arm")
     with emulated_lab(folder, arm=True) as lab:
-        script = _Script(lab)
         tree = {**lab.tree, "recording": {"dir": str(folder / "session")}}
-        until_s = time.monotonic() + 60
-        summary = run_session(
-            check_tree(tree, {}, base=folder).config,
-            controls=Controls(stop=lambda: script.over or time.monotonic() > until_s),
-            bus=observed(script.observe),
-        )
-        assert script.over
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+        with Running(check_tree(tree, {}, base=folder).config) as run:
+            for wanted, buttons, headset in _STEPS:
+                _wait(run, wanted)
+                for word in buttons:
+                    lab.cap.say(word)
+                if headset:
+                    lab.headset.say(headset)
+    (folder / "summary.json").write_text(json.dumps(run.summary), encoding="utf-8")
     return folder / "session"
 
 
@@ -218,25 +196,11 @@ def test_a_recorded_forearm_leads_the_next_run(session: Path, tmp_path: Path) ->
     }
     with emulated_lab(tmp_path, arm=True) as lab:  # for its buttons
         lab.cap.say("lift 0")
-        followed: list[str] = []
-
-        def observe(view: LoopView) -> None:
-            if view.arm.startswith("idle: the clutch is open"):
-                lab.cap.say("press 0")
-            followed.append(view.arm)
-
-        until_s = time.monotonic() + 60
-        run_session(
-            check_tree(tree, {}, base=tmp_path).config,
-            controls=Controls(
-                stop=lambda: (
-                    any("has ended" in text or text.startswith("stopped") for text in followed[-1:])
-                    or time.monotonic() > until_s
-                )
-            ),
-            bus=observed(observe),
-        )
-    assert any(text.startswith("following") for text in followed)
+        with Running(check_tree(tree, {}, base=tmp_path).config) as run:
+            _wait(run, "idle: the clutch is open")
+            lab.cap.say("press 0")
+            until(lambda: "has ended" in run.view.arm or run.view.arm.startswith("stopped"))
+    assert any(view.arm.startswith("following") for view in run.views)
     (_, first), (_, second) = (forearm(folder / "trial-001.mcap") for folder in (session, tmp_path / "next"))
     played = [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in second]
     assert played == [(pose.position_m, pose.quaternion_xyzw, pose.valid) for pose in first][: len(played)]
@@ -248,7 +212,6 @@ def test_a_recorded_forearm_in_other_axes_is_refused(session: Path) -> None:
         PosesFile(PosesFileOptions(file=session, frame="base")).open()
 
 
-@pytest.mark.slow
 def test_a_recorded_hand_picks_and_places(tmp_path: Path) -> None:
     pytest.importorskip("mujoco", reason="pip install '.[sim]'")
     path, file = hand_path(), tmp_path / "hand.csv"
