@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from reference.installed import distribution
 from tega.config import SessionConfig, check_tree
 from tega.records import types
 from tega.runtime import features as loader
@@ -74,10 +75,7 @@ def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install
         package = of.replace("-", "_")
         modules.extend((package, f"{package}.members"))
         site = tmp_path / of
-        info = site / f"{package}-1.0.dist-info"
-        info.mkdir(parents=True)
-        (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {of}\nVersion: 1.0\n")
-        (info / "entry_points.txt").write_text(f"[tega.features]\n{name} = {package}:FEATURE\n")
+        distribution(site, of, f"[tega.features]\n{name} = {package}:FEATURE\n")
         (site / package).mkdir()
         (site / package / "__init__.py").write_text(head + GOOD.format(members=members))
         (site / package / "members.py").write_text(MEMBERS.format(code=code))

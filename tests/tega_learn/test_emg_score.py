@@ -19,29 +19,23 @@ from tega_learn.score import (
     score_recording,
 )
 
+Scores = dict[str, dict[Preset, DecoderFigures]]
 RECORDINGS = ("v1", "v2", "v8", "v10")
 
 
 @pytest.fixture(scope="module")
-def scores() -> dict[str, dict[Preset, DecoderFigures]]:
+def scores() -> Scores:
     return {
         one.name: score_recording(one.samples, one.target, 200, tau=20) for one in map(squeezes, RECORDINGS)
     }
 
 
-def test_live_reaches_its_targets_over_the_graded_recordings(
-    scores: dict[str, dict[Preset, DecoderFigures]],
-) -> None:
-    live = [score["live"] for score in scores.values()]
-    assert np.mean([s.level_rank_correlation for s in live]) >= 0.85
-    assert np.mean([s.changes_per_s for s in live]) <= 0.7
-    assert np.mean([s.level_delay_s for s in live]) <= 0.150
+def test_live_follows_the_force_over_the_graded_recordings(scores: Scores) -> None:
+    assert np.mean([score["live"].level_rank_correlation for score in scores.values()]) >= 0.85
 
 
 @pytest.mark.parametrize("name", RECORDINGS)
-def test_live_is_steady_and_prompt_on_each_graded_recording(
-    name: str, scores: dict[str, dict[Preset, DecoderFigures]]
-) -> None:
+def test_live_is_steady_and_prompt_on_each_graded_recording(name: str, scores: Scores) -> None:
     live, paper = scores[name]["live"], scores[name]["paper"]
     assert live.changes_per_s <= 0.7 < paper.changes_per_s
     assert live.level_delay_s <= 0.150

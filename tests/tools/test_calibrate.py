@@ -20,7 +20,8 @@ import pytest
 from reference.chromium import launched, opened
 from reference.command import call
 from reference.processes import until
-from reference.wizard import RESTING, Mover, OnScreen, Wizard, calibrate, lab, presses, records, teleop
+from reference.study_bench import files_of
+from reference.wizard import RESTING, Mover, OnScreen, Wizard, calibrate, lab, presses, teleop
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega_emulators.participant import Wearer
@@ -39,10 +40,10 @@ def thumb(sensor: Emulator, serial: str = "D20641") -> str:
     )
 
 
-def muscles(board: Emulator, more: str = "") -> str:
+def muscles(board: Emulator) -> str:
     return (
         '[emg]\ndriver = "serial-emg"\nkind = "raw"\n'
-        f'options = {{ port = "{board.port}", rate_hz = 500.0, bits = 10, measure_s = 0.25{more} }}\n'
+        f'options = {{ port = "{board.port}", rate_hz = 500.0, bits = 10, measure_s = 0.25 }}\n'
     )
 
 
@@ -63,7 +64,7 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         _, err = call(capsys, "run", file, *SECOND, code=1)
         assert f"hint: tega-teleop calibrate {file} --person ID" in err
         wizard = calibrate(file, Presser(sensor))
-        kept = list(records(tmp_path / "calibrations"))
+        kept = sorted(files_of(tmp_path / "calibrations"))
         assert [name.split("/")[0] for name in kept] == ["gels", "gels", "people"]
         assert kept[-1] == "people/p01/touch-D20641.toml"
         tree = tomllib.loads((tmp_path / "calibrations" / kept[-1]).read_text())

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from reference.squeezes import there
 from tega.runtime.opencv import read_image
 from tega.tactile import contact_mask, estimate_baseline, read_contact
 
@@ -198,11 +199,6 @@ def test_every_finger_of_the_demo_is_felt_while_it_carries_and_its_area_does_not
 @pytest.fixture(scope="module")
 def digit(recordings: Path) -> Path:
     return recordings / "digit"
-
-
-def there(folder: Path) -> None:
-    if not folder.is_dir():
-        pytest.skip(f"no recordings at {folder}")
 
 
 def median(frames: NDArray[np.uint8]) -> Image:

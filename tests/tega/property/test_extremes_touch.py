@@ -106,18 +106,18 @@ def picked(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return pixels
 
 
-@given(
-    rows=st.integers(1, 200),
-    columns=st.integers(1, 90),
-    turned=st.booleans(),
-    spread=st.integers(1, 256),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_bands_and_their_distances_are_numpy_s(rows, columns, turned, spread, seed):
-    draw = np.random.default_rng(seed)
-    one, other = (draw.integers(0, spread, (rows, columns, 3), dtype=np.uint8) for _ in range(2))
-    if turned:  # a view whose pixels do not lie side by side
-        one, other = np.rot90(one), np.rot90(other)
+@st.composite
+def drawn(draw: st.DrawFn, n: int) -> list[NDArray[np.uint8]]:
+    """Draw pictures of one size, or views of some whose pixels do not lie side by side."""
+    shape = (draw(st.integers(1, 200)), draw(st.integers(1, 90)), 3)
+    spread, turned = draw(st.integers(1, 256)), draw(st.integers(0, 1))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    return [np.rot90(rng.integers(0, spread, shape, dtype=np.uint8), turned) for _ in range(n)]
+
+
+@given(drawn(2))
+def test_bands_and_their_distances_are_numpy_s(pair: list[NDArray[np.uint8]]) -> None:
+    one, other = pair
     bands = [_native.picture_bands(image) for image in (one, other)]
     assert bands == [picked(image).tobytes() for image in (one, other)]
     apart = np.abs(picked(one).astype(int) - picked(other).astype(int)).max(axis=2)
@@ -133,17 +133,10 @@ def test_what_is_no_picture_has_no_bands_light_or_lines() -> None:
             kernel(np.zeros((4, 5), np.uint8))
 
 
-@given(
-    rows=st.integers(1, 200),
-    columns=st.integers(1, 90),
-    turned=st.booleans(),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_light_and_lines_are_numpy_s(rows: int, columns: int, turned: bool, seed: int) -> None:
-    image = np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), dtype=np.uint8)
-    if turned:  # a view whose pixels do not lie side by side
-        image = np.rot90(image)
-        rows, columns = columns, rows
+@given(drawn(1))
+def test_light_and_lines_are_numpy_s(one: list[NDArray[np.uint8]]) -> None:
+    (image,) = one
+    rows, columns = image.shape[:2]
     light, lines = _native.vote_lines(image)
     n_rows, n_columns, stride = max(1, rows // 16), max(1, columns // 16), max(1, rows // 40)
     assert light == image[rows // 16 :: max(1, rows // 8)].mean()

@@ -125,15 +125,3 @@ def test_one_call_a_cycle_is_the_same_as_two(requested, start, added) -> None:
         angle, torque = together.step(level, added)
         np.testing.assert_array_equal(torque, controller.step(model.angles_rad, level, added=added))
         np.testing.assert_array_equal(angle, model.step(torque))
-
-
-@settings(max_examples=20, deadline=None)
-@given(requested=levels, last=st.integers(1, 5))
-def test_the_modelled_hand_settles_whatever_came_before(requested: list[int], last: int) -> None:
-    modelled = ModelledHand()
-    for level in requested:
-        modelled.step(level)
-    for _ in range(900):
-        angle, torque = modelled.step(last)
-    np.testing.assert_allclose(angle, CLOSURE_POSES_RAD[last - 1], rtol=0, atol=1e-4)
-    np.testing.assert_allclose(torque, 0, rtol=0, atol=1e-3)
