@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import doctest
 import importlib
-import os
 import pkgutil
 import re
 import shutil
-import signal
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
@@ -23,18 +20,15 @@ import tega_campaigns
 import tega_emulators
 import tega_figures
 from reference.chromium import launched
+from reference.installed import program
 from reference.page_blocks import blocks_of
-from reference.processes import until
+from reference.tutorials import DOCS, PROJECT, REHEARSAL, TUTORIALS, run_tutorial
 from tega.hand import CLOSURE_POSES_RAD
 from tega.wire import allegro_position_frames
 from tega_figures.public import PUBLIC
 from tega_sim.world import read_objects
 
-PROJECT = Path(__file__).resolve().parents[2]
-DOCS, NOTEBOOKS = PROJECT / "docs", PROJECT / "examples" / "notebooks"
-TUTORIALS = sorted([*(DOCS / "tutorials").glob("*.md"), DOCS / "start/without-hardware.md"])
-MARKS = {"", "install", "background", "hardware"}
-WAIT_S = 300
+NOTEBOOKS = PROJECT / "examples" / "notebooks"
 # Modules whose import needs an optional package do so inside functions, so that all can be walked.
 MODULES = sorted(
     m.name
@@ -158,64 +152,17 @@ def test_the_library_s_names_are_the_reference_s() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["equations", "recording", "decoders"])
-def test_a_notebook_runs(name: str) -> None:
+def test_the_notebooks_run() -> None:
     words = ["-m", "pytest", "-n0", "-q", "-p", "no:cacheprovider", "-p", "nbmake", "--nbmake"]
-    words.append(str(NOTEBOOKS / f"{name}.ipynb"))
-    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout
-    assert "1 passed" in done.stdout
-
-
-def start(text: str, folder: Path, environment: dict[str, str]) -> subprocess.Popen[str]:
-    """Start what stays up, and wait for the settings file that it writes."""
-    (words,) = [line.split() for line in text.splitlines() if line.strip()]
-    written = folder / words[words.index("--out") + 1]
-    stays = subprocess.Popen(words, cwd=folder, env=environment, text=True)
-    until(lambda: written.is_file() or stays.poll() is not None)
-    assert stays.poll() is None, f"{text} ended with {stays.returncode}"
-    return stays
+    notebooks = [NOTEBOOKS / f"{name}.ipynb" for name in ("equations", "recording", "decoders")]
+    assert "3 passed" in program(sys.executable, *words, *notebooks).stdout
 
 
 @pytest.mark.slow
 @pytest.mark.timeout(1200)
-@pytest.mark.parametrize("page", TUTORIALS, ids=lambda p: p.stem)
+@pytest.mark.parametrize("page", [p for p in TUTORIALS if p != REHEARSAL], ids=lambda p: p.stem)
 def test_a_tutorial_runs_as_written(page: Path, tmp_path: Path) -> None:
-    (tmp_path / "examples").symlink_to(PROJECT / "examples")
-    environment = {**os.environ, "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
-    ups: list[subprocess.Popen[str]] = []
-    n_ran = 0
-    try:
-        for block in blocks_of(page):
-            assert block.mark in MARKS
-            if block.title:
-                (tmp_path / block.title).write_text(block.text, encoding="utf-8")
-            elif block.language == "python":
-                subprocess.run([sys.executable, "-c", block.text], cwd=tmp_path, check=True, timeout=WAIT_S)
-            elif block.language == "sh" and block.mark == "background":
-                ups.append(start(block.text, tmp_path, environment))
-            elif block.language == "sh" and not block.mark:
-                for line in filter(None, block.text.splitlines()):
-                    done = subprocess.run(
-                        line,
-                        shell=True,
-                        cwd=tmp_path,
-                        env=environment,
-                        capture_output=True,
-                        text=True,
-                        check=False,
-                        timeout=WAIT_S,
-                        stdin=subprocess.DEVNULL,
-                    )
-                    assert done.returncode == 0, f"{line}\n{done.stdout}\n{done.stderr}"
-                    assert "Traceback" not in done.stderr
-                    n_ran += 1
-    finally:
-        for up in ups:
-            up.send_signal(signal.SIGINT)
-        for up in ups:
-            up.wait(timeout=60)
-    assert n_ran > 0
+    run_tutorial(page, tmp_path)
 
 
 @pytest.mark.slow

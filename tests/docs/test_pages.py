@@ -16,16 +16,14 @@ import click
 import pytest
 
 from reference.page_blocks import blocks_of, commands_of
+from reference.tutorials import DOCS, PROJECT, TUTORIALS
 from tega.arm import FRAMES, ArmSettings
 from tega.ui.cli.guest_group import guest_verbs
 from tega.ui.cli.main import _EARLIER, _VERBS, cli
 
-PROJECT: Final = Path(__file__).resolve().parents[2]
-DOCS: Final = PROJECT / "docs"
 EVIDENCE: Final = DOCS / "evidence"
 PAGES: Final = sorted([*PROJECT.glob("*.md"), *DOCS.rglob("*.md")])
 SCRIPTS: Final = [PROJECT / name for name in ("fuzz/README.md", "Makefile", ".ci/run", ".ci/extras")]
-TUTORIALS: Final = sorted([*(DOCS / "tutorials").glob("*.md"), DOCS / "start/without-hardware.md"])
 
 pytestmark = [
     pytest.mark.words,
