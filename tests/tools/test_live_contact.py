@@ -268,7 +268,7 @@ def test_a_gripper_finger_feels_what_its_force_says(digit: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("rate_hz", [None, 10.0, 30.0])
+@pytest.mark.parametrize("rate_hz", [None, 10.0, pytest.param(30.0, marks=pytest.mark.deep)])
 def test_three_minutes_of_drift_are_no_contact(digit: Path, rate_hz: float | None) -> None:
     there(digit / "gsmini_rest_drift")
     baseline, frames, t_s = rest(digit)

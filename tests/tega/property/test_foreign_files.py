@@ -141,7 +141,7 @@ _MEDIA = [
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", _MEDIA)
-@pytest.mark.parametrize("n", [1000, pytest.param(10_000, marks=pytest.mark.deep)])
+@pytest.mark.parametrize("n", [250, pytest.param(10_000, marks=pytest.mark.deep)])
 def test_a_file_that_is_mutated_often_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: Path) -> None:
     ends_with_errors_however_mutated(READERS[kind], tmp_path, n)
 
@@ -183,7 +183,7 @@ _TEXT = [kind for kind, writer in WRITERS.items() if writer.name.endswith((".csv
 
 
 @pytest.mark.parametrize(
-    "n", [50, pytest.param(1000, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.deep)]
+    "n", [50, pytest.param(250, marks=pytest.mark.slow), pytest.param(10_000, marks=pytest.mark.deep)]
 )
 @pytest.mark.parametrize("kind", WRITERS)
 def test_mutants_end_in_samples_or_in_errors_of_tega(kind: str, n: int, tmp_path: Path) -> None:

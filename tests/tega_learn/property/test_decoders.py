@@ -50,7 +50,12 @@ def fresh(model: str = "ridge") -> LearnedDecoder:
 
 
 @pytest.mark.parametrize(
-    "model", ["ridge", *(pytest.param(m, marks=pytest.mark.slow) for m in ("huber", "kernel"))]
+    "model",
+    [
+        "ridge",
+        pytest.param("kernel", marks=pytest.mark.slow),
+        pytest.param("huber", marks=pytest.mark.deep),  # linear as the first, and slow to fit
+    ],
 )
 @settings(max_examples=15)
 @given(cuts=st.lists(st.integers(0, 2000), max_size=8), holes=st.lists(st.integers(0, 1999), max_size=60))

@@ -351,7 +351,7 @@ def test_a_file_larger_than_any_of_its_kind_is_refused_unread(kind: str, tmp_pat
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["ROS 2 pictures", "ROS 2 arrays"])
-@pytest.mark.parametrize("n", [1000, pytest.param(10_000, marks=pytest.mark.deep)])
+@pytest.mark.parametrize("n", [250, pytest.param(10_000, marks=pytest.mark.deep)])
 def test_a_bag_that_is_mutated_often_ends_with_an_error_of_tega(kind: str, n: int, tmp_path: Path) -> None:
     ends_with_errors_however_mutated(GUEST_READERS[kind], tmp_path, n)
 
