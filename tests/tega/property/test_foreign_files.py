@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from reference.emg_writers import RATE_HZ, WRITERS, content_of
@@ -146,15 +146,8 @@ def test_a_file_that_is_mutated_often_ends_with_an_error_of_tega(kind: str, n: i
     ends_with_errors_however_mutated(READERS[kind], tmp_path, n)
 
 
-_FEW = settings(
-    max_examples=6,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
-)
-
-
 @pytest.mark.parametrize("kind", WRITERS)
-@_FEW
+@settings(FEW, max_examples=6)
 @given(
     seed=st.integers(0, 2**32 - 1),
     n_channels=st.integers(2, 5),

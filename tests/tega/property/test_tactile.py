@@ -56,6 +56,13 @@ def pairs(draw: st.DrawFn, max_side: int = 7) -> tuple[Image, Image]:
     return draw(image), draw(image)
 
 
+@st.composite
+def dense(draw: st.DrawFn) -> tuple[Image, Image]:
+    shape, level = (draw(st.integers(1, 12)), draw(st.integers(1, 12)), 3), draw(st.integers(0, 255))
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    return rng.integers(level // 2, level + 1, shape, dtype=np.uint8), np.zeros(shape, np.uint8)
+
+
 def error(got: ContactMetrics, exact: ExactContact) -> float:
     """Return the worst number's share of what it should be."""
     if (got.in_contact, got.eda, got.peak_xy) != (exact.in_contact, exact.eda, exact.peak_xy):
@@ -105,19 +112,9 @@ def test_the_gate_counts_pixels_over_its_floor(pair, noise_floor, min_pixels, di
     assert_equals_exact(m, exact)
 
 
-@given(pairs(max_side=9), ORDERS)
+@given(pairs(max_side=9) | dense(), ORDERS)
 def test_the_paper_reading_equals_the_fractions(pair, order) -> None:
-    assert_equals_exact(
-        read_contact(*pair, reading="paper", order=order), exact_paper(pair[0], pair[1], order)
-    )
-
-
-@given(st.integers(1, 12), st.integers(1, 12), st.integers(0, 255), st.integers(0, 2**32 - 1))
-def test_the_paper_reading_of_dense_frames_equals_the_fractions(height, width, level, seed) -> None:
-    rng = np.random.default_rng(seed)
-    frame = rng.integers(level // 2, level + 1, (height, width, 3), dtype=np.uint8)
-    baseline = np.zeros_like(frame)
-    assert_equals_exact(read_contact(frame, baseline, reading="paper"), exact_paper(frame, baseline))
+    assert_equals_exact(read_contact(*pair, reading="paper", order=order), exact_paper(*pair, order))
 
 
 @given(pairs(), DIFFERENCES, SPREADS)

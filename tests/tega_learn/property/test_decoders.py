@@ -38,6 +38,12 @@ def squeezes(
     return rng.normal(size=(len(closure), channels)) * (2 + gains * closure[:, None]) + 500, closure
 
 
+def steps(seed: int, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return noise of so many times four efforts that are held, and the closure."""
+    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), n)
+    return np.random.default_rng(seed).normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None]), closure
+
+
 @cache
 def fitted(model: str = "ridge", features: tuple[str, ...] = tuple(FEATURES)) -> LearnedDecoder:
     emg, closure = squeezes(seconds=12)
@@ -133,10 +139,7 @@ def test_missing_channels_and_an_amplifier_at_its_limit_hold_and_are_not_believe
 def test_the_settings_state_which_share_is_held_at_most(options: LearnedOptions) -> None:
     assert options.model is not None
     model = load_model(options.model)
-    rng = np.random.default_rng(7)
-    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 6)
-    emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
-    shares = []
+    emg, shares = steps(7, 6)[0], []
     for reject in (0.0, 0.05, 0.2):
         decoder = LearnedDecoder(model.rejecting(reject, "m.json"))
         decoder.process(emg)
@@ -272,9 +275,7 @@ def setup(**changes: Any) -> MuscleSetup:
 
 @pytest.fixture(scope="module")
 def options(tmp_path_factory: pytest.TempPathFactory) -> LearnedOptions:
-    rng = np.random.default_rng(1)
-    closure = np.tile(np.repeat([0.0, 1.0, 0.5, 0.0], 1500), 4)
-    emg = rng.normal(size=(len(closure), 3)) * (5 + 90 * closure[:, None])
+    emg, closure = steps(1, 4)
     file = tmp_path_factory.mktemp("model") / "m.json"
     fit(emg, closure, rate_hz=RATE_HZ, tau=TAU, channels=("a", "b", "c"), person="p01").save(file)
     return LearnedOptions(model=file, person="p01")
