@@ -11,8 +11,6 @@ from scipy.spatial.transform import Rotation
 
 from tega.arm import ArmCommand, LimitSettings, Pose
 
-__all__ = ["Obedience", "one_euro"]
-
 GIVE_M = 1e-8
 GIVE_RAD = 1e-7
 

@@ -22,7 +22,6 @@ from tega.runtime.files.foreign_file import MIB
 
 FEW = settings(
     max_examples=settings().max_examples // 2,  # of each kind; `make deep` reads 10,000
-    deadline=None,
     suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 SPOT = st.floats(0.0, 1.0, exclude_max=True)

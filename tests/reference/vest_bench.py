@@ -21,14 +21,8 @@ from tega_emulators.hid_port import HidPort
 from tega_emulators.process import Emulator
 from tega_emulators.vest_bench import seen_by, vest_bench
 
-__all__ = ["OTHER", "SILENT", "TOUCH", "Bench", "HandedOver", "KeptLink", "KeptVest", "bench", "make"]
-
 TOUCH = vest_frame([80, 60, 40, 20], [13, 0, 100, 53], layout="x40")
-
-
 OTHER = vest_frame([7, 20, 33, 47], [60, 67, 73, 87], layout="x40")
-
-
 SILENT = [0] * 40
 
 

@@ -13,7 +13,7 @@ import sys
 import termios
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any, Self
 
@@ -167,6 +167,10 @@ class Mover:
             if f"ch{k + 1} sits on" in prompt:
                 self._board.say(f"effort 0.5 {channel}")
         return self._kept if prompt.startswith("?") else ""
+
+
+def records(folder: Path) -> Iterator[str]:
+    yield from sorted(f.relative_to(folder).as_posix() for f in folder.rglob("*") if f.is_file())
 
 
 def lab(path: Path, *parts: str) -> Path:

@@ -14,8 +14,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-__all__ = ["boris_project", "mcap_trouble", "watch_recordings"]
-
 _MAGIC = b"\x89MCAP0\r\n"
 # A footer record: opcode, length, start of the summary, start of its offsets, checksum; the magic follows.
 _FOOTER = struct.Struct("<BQQQI")

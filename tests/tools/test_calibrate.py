@@ -20,8 +20,7 @@ import pytest
 from reference.chromium import launched, opened
 from reference.command import call
 from reference.processes import until
-from reference.study_bench import files_of
-from reference.wizard import RESTING, Mover, OnScreen, Wizard, calibrate, lab, presses, teleop
+from reference.wizard import RESTING, Mover, OnScreen, Wizard, calibrate, lab, presses, records, teleop
 from tega.config.calibration.folder import CalibrationFolder
 from tega.config.calibration.records import EmgRecord, utc_now, write_record
 from tega_emulators.participant import Wearer
@@ -64,7 +63,7 @@ def test_a_finger_is_calibrated_and_a_run_uses_it(tmp_path: Path, capsys: pytest
         _, err = call(capsys, "run", file, *SECOND, code=1)
         assert f"hint: tega-teleop calibrate {file} --person ID" in err
         wizard = calibrate(file, Presser(sensor))
-        kept = sorted(files_of(tmp_path / "calibrations"))
+        kept = list(records(tmp_path / "calibrations"))
         assert [name.split("/")[0] for name in kept] == ["gels", "gels", "people"]
         assert kept[-1] == "people/p01/touch-D20641.toml"
         tree = tomllib.loads((tmp_path / "calibrations" / kept[-1]).read_text())

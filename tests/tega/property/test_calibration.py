@@ -71,13 +71,10 @@ def test_percentages_are_those_of_the_motors_levels(percent: int) -> None:
 def test_maxima_are_of_the_firm_presses_and_no_spike_decides(sizes, spiked, weak) -> None:
     meter, t_ns = PressMeter(76_800), 0
     for n, size in enumerate([500] * weak + sizes):
-        for k in range(120):
-            # One frame is ten times too large.
-            found = touching(10 * size if n - weak == spiked and k == 50 else size, t_ns=t_ns)
-            meter.take({"live": found, "paper": found})
-            t_ns += 16_000_000
-        for _ in range(20):
-            found = touching(0, t_ns=t_ns)
+        # One frame is ten times too large.
+        frames = [10 * size if n - weak == spiked and k == 50 else size for k in range(120)]
+        for eda in (*frames, *[0] * 20):
+            found = touching(eda, t_ns=t_ns)
             meter.take({"live": found, "paper": found})
             t_ns += 16_000_000
     assert len(meter.presses) == PRESSES + weak

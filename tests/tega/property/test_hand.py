@@ -34,7 +34,7 @@ velocities = hnp.arrays(np.float64, 16, elements=st.floats(-20, 20))
 torques = hnp.arrays(np.float64, 16, elements=st.floats(-2, 2))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(requested=levels, start=st.integers(1, 5))
 def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(requested: list[int], start: int) -> None:
     pose = CLOSURE_POSES_RAD[start - 1]
@@ -48,7 +48,7 @@ def test_targets_are_the_exact_mixture_of_minimum_jerk_moves(requested: list[int
             np.testing.assert_allclose(controller.target_rad, wanted, rtol=0, atol=1e-14)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(measured=st.lists(angles, min_size=1, max_size=12), level=st.floats(1, 5), device_id=st.integers(0, 3))
 def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(measured, level, device_id) -> None:
     whole, parts = HandController(), HandController()
@@ -60,7 +60,7 @@ def test_a_cycle_between_both_ends_of_the_cable_is_its_steps_one_by_one(measured
         assert whole.step_encoded(true_rad, level, **number) == frames
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(data=st.data(), requested=levels.map(lambda ticks: ticks[:300:25]))
 def test_torques_follow_the_stated_law(data: st.DataObject, requested: list[int]) -> None:
     controller = HandController()
@@ -85,7 +85,7 @@ def test_torques_follow_the_stated_law(data: st.DataObject, requested: list[int]
         np.testing.assert_allclose(got, [float(t) for t in last], rtol=0, atol=1e-13)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(requested=levels, start=angles)
 def test_targets_stay_inside_and_slow_for_any_start_and_levels(requested, start) -> None:
     controller = HandController()
@@ -101,7 +101,6 @@ def test_targets_stay_inside_and_slow_for_any_start_and_levels(requested, start)
         before = target
 
 
-@settings(deadline=None)
 @given(start=angles, drive=st.lists(torques, min_size=1, max_size=6), constant=st.floats(0.001, 1.0))
 def test_the_model_is_the_stated_difference_equation(start, drive, constant) -> None:
     model = JointModel(start, full_duty_speed_rad_s=9.5, time_constant_s=constant)
@@ -116,7 +115,7 @@ def test_the_model_is_the_stated_difference_equation(start, drive, constant) -> 
         np.testing.assert_allclose(got[:, j], [float(a) for a in wanted], rtol=0, atol=1e-13)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(requested=levels, start=angles, added=st.floats(0, 1))
 def test_one_call_a_cycle_is_the_same_as_two(requested, start, added) -> None:
     together = ModelledHand(model=JointModel(start))

@@ -114,7 +114,9 @@ def test_the_gate_counts_pixels_over_its_floor(pair, noise_floor, min_pixels, di
 
 @given(pairs(max_side=9) | dense(), ORDERS)
 def test_the_paper_reading_equals_the_fractions(pair, order) -> None:
-    assert_equals_exact(read_contact(*pair, reading="paper", order=order), exact_paper(*pair, order))
+    frame, baseline = pair
+    found = read_contact(frame, baseline, reading="paper", order=order)
+    assert_equals_exact(found, exact_paper(frame, baseline, order))
 
 
 @given(pairs(), DIFFERENCES, SPREADS)

@@ -86,7 +86,7 @@ def recorded(folder: Path, published: tuple[Record, ...]) -> Path:
     return folder / str(facts["file"])
 
 
-@settings(max_examples=5, deadline=None)  # of each record one
+@settings(max_examples=5)  # of each record one
 @given(published=_each)
 def test_every_record_is_read_out_of_its_file_as_the_bus_delivered_it(published: tuple[Record, ...]) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -108,7 +108,6 @@ def _for_viewers(record: Record) -> Record:
     return replace(record, **{name: tuple(v + 0.0 for v in value) for name, value in named.items() if value})
 
 
-@settings(deadline=None)
 @given(record=_one)
 def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
     file = io.BytesIO()
@@ -118,7 +117,6 @@ def test_a_record_reaches_another_process_as_it_is(record: Record) -> None:
     assert same(record, receive_object(reader))
 
 
-@settings(deadline=None)
 @given(contact=records_of(Contact), intent=records_of(Intent))
 def test_contact_and_intent_come_over_the_link_with_every_field(contact: Contact, intent: Intent) -> None:
     sent = decode(Feature, encode(Feature(session=1, sequence=0, sent_ns=10, t_ns=5, contact=contact)))
@@ -158,7 +156,6 @@ def _read_cell(text: str, like: Any) -> Any:
     return text == "1" if isinstance(like, bool) else type(like)(text) if like is not None else text
 
 
-@settings(deadline=None)
 @given(one=st.sampled_from([kind for kind in record_types() if kind.table]).flatmap(records_of))
 def test_a_table_has_every_field_of_its_columns(one: Record) -> None:
     names = [name for name in one.table if name not in {"t_s", "frames", *one.columns}]
@@ -185,7 +182,7 @@ def _written(kind: type[Record], name: str) -> str:
     return kind.__struct_encode_fields__[at]
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(contact=records_of(Contact), intent=records_of(Intent))
 def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, intent: Intent) -> None:
     with tempfile.TemporaryDirectory() as folder:
@@ -214,7 +211,7 @@ def test_an_export_has_every_number_of_contact_and_intent(contact: Contact, inte
                     assert repr(_read_cell(row[field], value)) == repr(value), field
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(contacts=st.lists(records_of(Contact), min_size=1, max_size=4), intent=records_of(Intent))
 def test_a_data_set_has_contact_and_intent_as_they_were_recorded(contacts, intent):
     """Frames are 40 ms apart, and so are the records; what is no number of float32 is 0 there."""
