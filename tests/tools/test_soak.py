@@ -28,7 +28,7 @@ from tega_campaigns.supervisor import SaidLine, Supervisor
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="emulated devices need pseudo-terminals, limits Linux")
 def test_a_short_soak_passes(capsys: pytest.CaptureFixture[str]) -> None:
-    report = json.loads(call(capsys, "soak", "--seconds", 40, "--seed", 1, "--patient", "--json")[0])
+    report = json.loads(call(capsys, "soak", "--seconds", 60, "--seed", 1, "--patient", "--json")[0])
     assert report["passed"]
     assert {"kill -9", "disk full"} <= {fault["kind"] for fault in report["faults"]}
     for fault in report["faults"]:
