@@ -235,9 +235,9 @@ mod tests {
 
     #[test]
     fn cell_means_are_those_of_the_pixels() {
-        for (height, width) in
-            [(1, 1), (1, 9), (7, 5), (100, 75), (320, 240), (239, 322), (430, 500), (960, 720), (1100, 2500)]
-        {
+        let sizes = [(1, 1), (1, 9), (7, 5), (100, 75), (239, 322), (430, 500), (960, 720), (1100, 2500)];
+        // Cells of 4 to 10 pixels.
+        for (height, width) in sizes.into_iter().chain((4..=10).map(|side| (40 * side - 1, 30 * side))) {
             let image = Array3::from_shape_fn((height, width, 3), |(y, x, c)| {
                 // As bright as can be in one corner.
                 if y + x < 200 { 255 } else { ((y * 7 + x * 13 + c * 50) % 251) as u8 }
