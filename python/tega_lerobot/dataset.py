@@ -31,15 +31,16 @@ from tega_lerobot.video import (
     VIDEO_MB,
     VIDEOS,
     EpisodeCamera,
+    Values,
     VideoPlace,
-    figures,
 )
 
 FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
 EPISODES = f"meta/episodes/{PLACE}.parquet"
 _DATA_MB = 100
-_ROWS_PER_GROUP = 1 << 14
+# Frames that are in memory at one time, and a row group of the table.
+_ROWS_PER_GROUP = 1 << 12
 UNLABELLED = "grasp"
 """Task of a recording without a label."""
 _Scenes = Mapping[str, tuple[Path, tuple[int, int]]]
@@ -113,7 +114,7 @@ class _Dataset:
         self._place = VideoPlace()
         self._writer: Any = None
         self._episodes: list[dict[str, Any]] = []
-        self._rows: dict[str, list[NDArray[Any]]] = {}
+        self._values: dict[str, Values] = {}
         self._sources: list[dict[str, Any]] = []
         self._n_frames = 0
 
@@ -139,16 +140,19 @@ class _Dataset:
                 "export recordings of one setup together",
             )
         number, n = len(self._episodes), episode.n_frames
-        frames = np.arange(n)
-        rows: dict[str, NDArray[Any]] = {name: column.values for name, column in episode.columns.items()}
-        rows |= {
-            "timestamp": (frames / self.fps).astype(np.float32),
-            "frame_index": frames,
-            "episode_index": np.full(n, number),
-            "index": self._n_frames + frames,
-            "task_index": np.full(n, self._tasks.index(task)),
-        }
-        where = self._write(rows)
+        where = self._begin_table()
+        since = next((values.n_parts for values in self._values.values()), 0)
+        for part in episode.parts(_ROWS_PER_GROUP):
+            frames = part.first + np.arange(part.n_frames)
+            rows: dict[str, NDArray[Any]] = {name: column.values for name, column in part.columns.items()}
+            rows |= {
+                "timestamp": (frames / self.fps).astype(np.float32),
+                "frame_index": frames,
+                "episode_index": np.full(len(frames), number),
+                "index": self._n_frames + frames,
+                "task_index": np.full(len(frames), self._tasks.index(task)),
+            }
+            self._write(rows, where)
         for camera in self._cameras.values():
             camera.begin(n)
         for finger, image, n_times in episode.pictures():
@@ -162,7 +166,7 @@ class _Dataset:
         for camera in self._cameras.values():
             known |= camera.end()
         known |= {"meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0}
-        stats = {name: figures(values) for name, values in rows.items()}
+        stats = {name: values.figures(since) for name, values in self._values.items()}
         stats |= {f"observation.images.{f}": c.episode.figures() for f, c in self._cameras.items()}
         known |= {
             f"stats/{name}/{subject}": v for name, known_ in stats.items() for subject, v in known_.items()
@@ -179,7 +183,7 @@ class _Dataset:
             self._writer.close()
         if not self._episodes:
             return
-        stats = {name: figures(np.concatenate(parts)) for name, parts in self._rows.items()}
+        stats = {name: values.figures() for name, values in self._values.items()}
         stats |= {f"observation.images.{f}": c.total.figures() for f, c in self._cameras.items()}
         self._json("stats", stats)
         self._json("info", self._info())
@@ -230,27 +234,33 @@ class _Dataset:
                     "has_audio": False,
                 },
             }
-        for name, column in episode.columns.items():
+        for name, column in next(episode.parts(1)).columns.items():
             shape = list(column.values.shape[1:])
             features[name] = {"dtype": "float32", "shape": shape, "names": column.names}
         counters = {"shape": [1], "names": None}
         return features | {name: {"dtype": kind, **counters} for name, kind in _COUNTERS.items()}
 
-    def _write(self, rows: Mapping[str, NDArray[Any]]) -> dict[str, int]:
+    def _begin_table(self) -> dict[str, int]:
+        """Return where an episode's rows go: into a new file where the last one is large."""
         path = self._folder / DATA.format(**self._place.numbers())
         if self._writer is not None and path.stat().st_size > _DATA_MB * 2**20:
             self._writer.close()
             self._writer = None
             self._place.next()
-            path = self._folder / DATA.format(**self._place.numbers())
+        return self._place.numbers()
+
+    def _write(self, rows: Mapping[str, NDArray[Any]], where: Mapping[str, int]) -> None:
         table = self._arrow.table({name: self._column(values) for name, values in rows.items()})
         if self._writer is None:
+            path = self._folder / DATA.format(**where)
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._writer = self._parquet.ParquetWriter(path, table.schema)
+            # Measured numbers hardly repeat: a dictionary of them takes memory and room.
+            self._writer = self._parquet.ParquetWriter(path, table.schema, use_dictionary=False)
         self._writer.write_table(table, row_group_size=_ROWS_PER_GROUP)
         for name, values in rows.items():
-            self._rows.setdefault(name, []).append(values)
-        return self._place.numbers()
+            if name not in self._values:
+                self._values[name] = Values(values)
+            self._values[name].add(values)
 
     def _column(self, values: NDArray[Any]) -> Any:
         numbers = np.ascontiguousarray(values).ravel()

@@ -44,22 +44,44 @@ class Episode(NamedTuple):
 
     Attributes:
         start_ns: Time of the first frame, from the start of the session.
-        columns: By name of the feature, pictures left out.
+        streams: By topic; a picture is its time alone.
         shapes: Height and width of the pictures, by finger.
-        displayed: By finger, how many frames show each of its pictures, in the order of the file.
         markers: Marked moments, in the order of their times.
+        first: Number of the first frame, in a part of an episode.
     """
 
     path: Path
     fps: int
     start_ns: int
     n_frames: int
-    columns: dict[str, Column]
+    streams: dict[str, Stream]
     shapes: dict[str, tuple[int, int]]
-    displayed: dict[str, NDArray[np.int64]]
     markers: list[Marker]
     tables: dict[str, dict[str, str]]
     progress: Progress | None = None
+    first: int = 0
+
+    @property
+    def grid_ns(self) -> NDArray[np.int64]:
+        """Times of the frames."""
+        numbers = self.first + np.arange(self.n_frames, dtype=np.int64)
+        return self.start_ns + numbers * _S // self.fps
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """Features of the frames by name, pictures left out."""
+        return columns_of(self.streams, self.grid_ns)
+
+    def parts(self, most: int) -> Iterator[Episode]:
+        """Return the episode in parts of so many frames, of which one at a time has its columns in memory."""
+        for first in range(0, self.n_frames, most):
+            yield self._replace(first=first, n_frames=min(most, self.n_frames - first))
+
+    def _displayed(self, finger: str) -> NDArray[np.int32]:
+        """Return how many frames show each of a finger's pictures, in the order of the file."""
+        stream = self.streams[f"/tactile/{finger}/image"]
+        first, _, newest = stream.around(self.grid_ns)
+        return np.bincount(first + newest, minlength=stream.n).astype(np.int32)
 
     def pictures(self) -> Iterator[tuple[str, NDArray[np.uint8], int]]:
         """Read the pictures: finger, picture as uint8 (H, W, 3) in BGR, and how many frames in a row show it."""
@@ -74,11 +96,12 @@ class Episode(NamedTuple):
 
     def _shown(self, messages: Iterable[Message]) -> Iterator[tuple[str, Message, int]]:
         """Yield each picture that frames show, not decoded, after its finger, and how many in a row do."""
-        places = dict.fromkeys(self.displayed, 0)
+        shown = {finger: self._displayed(finger) for finger in self.shapes}
+        places = dict.fromkeys(shown, 0)
         for message in messages:
             finger = _finger(message, "/image")
             if finger:
-                displayed, place = self.displayed.get(finger, ()), places.get(finger, 0)
+                displayed, place = shown.get(finger, ()), places.get(finger, 0)
                 if place >= len(displayed):  # two topics share a finger's name
                     raise RecordingError(
                         f"{self.path.name}: damaged, or not written by TEGA: pictures of {finger} in two topics",
@@ -120,30 +143,23 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
             _keep(stream, message, t_ns)
     if not layout:
         raise RecordingError(f"{path.name}: no recording of a session", "name a file made with --record")
-    used = {topic: stream for topic, stream in streams.items() if stream.times}
+    used = {topic: stream for topic, stream in streams.items() if stream.n or isinstance(stream, Chunks)}
     if not used:
         raise RecordingError(f"{path.name}: holds no stream", "the run had not begun")
     for topic, stream in used.items():
-        if not (stream.rows.size or topic.endswith(("/image", "/video"))):
+        if not ((stream.n and stream.width) or topic.endswith(("/image", "/video"))):
             raise RecordingError(
                 f"{path.name}: the records of {topic} hold no numbers", "inspect says how far it can be read"
             )
     # Before somebody has taken hold of the arm it has no target.
     needed = (stream for topic, stream in used.items() if topic != ARM_TARGET)
-    begun = [one.fit(fps) if isinstance(one, Chunks) else one.times[0] for one in needed]
+    begun = [one.fit(fps) if isinstance(one, Chunks) else one.first_ns for one in needed]
     begin_ns = max(*begun, span(reader.metadata).from_ns)
     led = ("/vest/", "/hand/", "/tactile/", "/arm/")
-    end_ns = max((s.times[-1] for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
+    end_ns = max((s.last_ns for topic, s in used.items() if topic.startswith(led)), default=begin_ns)
     n_frames = _count_frames(path.name, end_ns - begin_ns, fps)
-    grid_ns = begin_ns + np.arange(n_frames, dtype=np.int64) * _S // fps
-    columns, displayed = columns_of(used, grid_ns), {}
-    for finger in shapes:
-        newest = used[f"/tactile/{finger}/image"].newest(grid_ns)
-        displayed[finger] = np.bincount(newest, minlength=len(used[f"/tactile/{finger}/image"].times))
     markers.sort(key=attrgetter("t_ns", "text", "source"))
-    return Episode(
-        path, fps, begin_ns, int(n_frames), columns, shapes, displayed, markers, reader.metadata, progress
-    )
+    return Episode(path, fps, begin_ns, n_frames, used, shapes, markers, reader.metadata, progress)
 
 
 def _count_frames(name: str, length_ns: int, fps: int) -> int:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from array import array
+from bisect import bisect_right
 from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
 from operator import attrgetter
 from typing import Any, Final, NamedTuple
 
@@ -14,6 +16,7 @@ from tega import records
 from tega.hand import JOINT_NAMES, joined_level
 from tega.records.arm import PoseNumbers
 from tega.records.schema import fields
+from tega_lerobot.spool import Spool
 
 ARM_MEASURED, ARM_TARGET = "/arm/measured", "/arm/target"
 CLOSURE = ("grasp_level", "closure")
@@ -25,6 +28,8 @@ ARM_ACTION = tuple(f"arm_target.{name}" for name in PoseNumbers.table)
 """Numbers of the arm's part of an action: where the arm's end is to go, in the base's axes."""
 
 _S = 1_000_000_000
+# Items that wait to be written, together.
+_MOST_HELD = 1 << 11
 # What a contact has in units of physics, where its metric gives them.
 _MEASURED = tuple(field.name for field in fields(records.Contact) if field.optional and field.unit != "1")
 
@@ -40,15 +45,20 @@ class Column(NamedTuple):
 
 
 class Stream:
-    """Times, nanoseconds, and numbers of one topic, at a few bytes a number; a picture has none (``None``).
+    """Times, nanoseconds, and numbers of one topic; a picture has none (``None``). Most are on the disk.
 
-    ``width`` is how many numbers an item has; ``None`` before the first.
+    Attributes:
+        width: How many numbers an item has; ``None`` before the first.
+        n: How many items there are.
+        first_ns: Time of the first item.
+        last_ns: Time of the newest one.
     """
 
     def __init__(self, times: Iterable[int] = (), rows: Iterable[Sequence[float] | None] = ()) -> None:
-        self.times = array("q")
         self.width: int | None = None
-        self._numbers = array("f")
+        self.n = self.first_ns = self.last_ns = 0
+        self._times, self._numbers = array("q"), array("f")
+        self._spool: Spool | None = None
         for t_ns, row in zip(times, rows, strict=True):
             self.add(t_ns, row)
 
@@ -59,57 +69,92 @@ class Stream:
             self.width = len(numbers)
         elif self.width != len(numbers):
             raise ValueError(f"{len(numbers)} numbers after {self.width}")
-        self.times.append(t_ns)
+        self._add(t_ns, numbers, 1)
+
+    def _add(self, t_ns: int, numbers: Sequence[float], n: int) -> None:
+        """Add ``n`` items of one time."""
+        if not self.n:
+            self.first_ns = t_ns
+        self.last_ns = t_ns
+        self.n += n
+        self._times.extend((t_ns,) * n)
         self._numbers.extend(numbers)
+        if len(self._times) >= _MOST_HELD:
+            self._spooled()
+
+    def _spooled(self) -> Spool:
+        """Return all items, after bringing the newest ones there."""
+        dtype = np.dtype([("t_ns", np.int64), ("row", np.float32, (self.width or 0,))])
+        if self._spool is None:
+            self._spool = Spool(dtype)
+        if self._times:
+            items = np.empty(len(self._times), dtype)
+            items["t_ns"] = self._times
+            items["row"] = np.frombuffer(self._numbers, np.float32).reshape(items["row"].shape)
+            self._spool.add(items)
+            self._times, self._numbers = array("q"), array("f")
+        return self._spool
 
     @property
     def rows(self) -> NDArray[np.float32]:
-        """Numbers of the items, float32 (items, numbers); no item is added while it is in use."""
-        return np.frombuffer(self._numbers, np.float32).reshape(len(self.times), self.width or 0)
+        """Numbers of all items, float32 (items, numbers)."""
+        rows: NDArray[np.float32] = self._spooled().read(0, self.n)["row"]
+        return rows
 
-    def newest(self, grid_ns: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Return for each time which item was the newest."""
-        newest: NDArray[np.int64] = np.searchsorted(np.array(self.times, np.int64), grid_ns, side="right") - 1
-        return newest
+    @cached_property
+    def known(self) -> NDArray[np.bool_]:
+        """Whether each number of an item is ever one; no item is added afterwards."""
+        known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(self.rows))
+        return known
+
+    def around(self, grid_ns: NDArray[np.int64], n: int = 1) -> tuple[int, NDArray[Any], NDArray[np.int64]]:
+        """Return the items that times in a row can concern, the newest ``n`` at each; and the newest itself.
+
+        The first number is that of the first item, the last ones count from there. Only these items are read.
+        """
+        items = self._spooled()
+
+        def time_of(k: int) -> int:
+            return int(items.read(k, k + 1)["t_ns"][0])
+
+        begin, end = (bisect_right(range(self.n), int(grid_ns[k]), key=time_of) for k in (0, -1))
+        begin = max(begin - n, 0)
+        found = items.read(begin, end)
+        return begin, found, np.searchsorted(found["t_ns"], grid_ns, side="right") - 1
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the newest value at each time; NaN and values outside float32 become 0."""
-        return np.nan_to_num(self.rows[self.newest(grid_ns)], posinf=0.0, neginf=0.0)
+        """Return the newest value at each of some times in a row; NaN and values outside float32 become 0."""
+        _, items, newest = self.around(grid_ns)
+        rows: NDArray[np.float32] = items["row"][newest]
+        return np.nan_to_num(rows, posinf=0.0, neginf=0.0)
 
 
 class Chunks(Stream):
-    """Times and samples of the chunks of EMG; ``ends`` are the numbers of samples up to the end of each."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.ends = array("q")
+    """Samples of EMG, each at the time of its chunk."""
 
     def add_samples(self, t_ns: int, samples: Sequence[float], n_channels: int) -> None:
         """Add a chunk: its samples one after the other, the channels of each together."""
         if self.width not in {None, n_channels} or len(samples) % n_channels:
             raise ValueError(f"{len(samples)} numbers of {n_channels} channels after {self.width} channels")
         self.width = n_channels
-        self.times.append(t_ns)
-        self._numbers.extend(samples)
-        self.ends.append(len(self._numbers) // n_channels)
-
-    @property
-    def rows(self) -> NDArray[np.float32]:
-        """The samples, float32 (samples, channels)."""
-        return np.frombuffer(self._numbers, np.float32).reshape(-1, self.width or 1)
+        self._add(t_ns, samples, len(samples) // n_channels)
 
     def fit(self, fps: int) -> int:
         """Take as many samples to a frame as come in one, rounded up; return when so many are there, nanoseconds."""
-        ends = np.array(self.ends)
-        spent_s = (self.times[-1] - self.times[0]) / _S
-        rate_hz = (ends[-1] - ends[0]) / spent_s if spent_s > 0 else float(fps)
+        items = self._spooled()
+        n_first, _, _ = self.around(np.array([self.first_ns]), 0)
+        spent_s = (self.last_ns - self.first_ns) / _S
+        rate_hz = (self.n - n_first) / spent_s if spent_s > 0 else float(fps)
         self._n = max(1, int(np.ceil(round(rate_hz / fps, 3))))
-        return self.times[min(int(np.searchsorted(ends, self._n)), len(self.times) - 1)]
+        enough = min(self._n, self.n)
+        return int(items.read(enough - 1, enough)["t_ns"][0])
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
         """Return the newest samples at each time, float32 (times, samples, channels)."""
-        ends = np.array(self.ends)[self.newest(grid_ns)]
-        return np.nan_to_num(self.rows[np.maximum(ends[:, None] - self._n + np.arange(self._n), 0)])
+        _, items, newest = self.around(grid_ns, self._n)
+        numbers = newest[:, None] + 1 - self._n + np.arange(self._n)
+        rows: NDArray[np.float32] = items["row"][np.maximum(numbers, 0)]
+        return np.nan_to_num(rows)
 
 
 def closure_numbers(level: int, closure: float | None) -> tuple[float, float]:
@@ -156,14 +201,16 @@ def columns_of(streams: dict[str, Stream], grid_ns: NDArray[np.int64]) -> dict[s
         ):
             values = np.concatenate([rows[:, part] for rows in by_finger], axis=1)
             names = [f"{topic.split('/')[2]}.{name}" for topic in contacts for name in subject]
-            if part.start == 0 or any(np.isfinite(streams[topic].rows[:, part]).any() for topic in contacts):
+            if part.start == 0 or any(streams[topic].known[part].any() for topic in contacts):
                 columns[feature] = Column(values, names)
     images = [
         topic for topic in sorted(streams) if topic.startswith("/tactile/") and topic.endswith("/image")
     ]
     if images:
-        times = {topic: np.array(streams[topic].times, np.int64) for topic in images}
-        ages_s = [(grid_ns - times[topic][streams[topic].newest(grid_ns)]) / _S for topic in images]
+        ages_s = [
+            (grid_ns - items["t_ns"][newest]) / _S
+            for _, items, newest in (streams[topic].around(grid_ns) for topic in images)
+        ]
         columns["observation.image_age"] = Column(
             np.stack(ages_s, axis=1).astype(np.float32), [f"{topic.split('/')[2]}.s" for topic in images]
         )
@@ -193,10 +240,10 @@ def columns_of(streams: dict[str, Stream], grid_ns: NDArray[np.int64]) -> dict[s
 def _targets(target: Stream | None, arm: Stream, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
     """Return the arm's target at each frame; before the first target, the arm's pose."""
     where = arm.at(grid_ns)
-    if target is None or not target.times:
-        return where
-    known = target.newest(grid_ns) >= 0
-    where[known] = target.at(grid_ns[known])
+    if target is not None and target.n:
+        known = grid_ns >= target.first_ns
+        if known.any():
+            where[known] = target.at(grid_ns[known])
     return where
 
 

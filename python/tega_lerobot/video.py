@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from tega.runtime.lifecycle import require
 from tega.runtime.opencv import load_cv2
+from tega_lerobot.spool import Spool
 
 QUANTILES = (0.01, 0.10, 0.50, 0.90, 0.99)
 
@@ -29,17 +31,38 @@ ENCODER, CODEC, PIXELS = "libx264", "h264", "yuv420p"
 _OPTIONS = {"g": "2", "crf": "21", "preset": "ultrafast", "threads": "1"}
 
 
-def figures(values: NDArray[Any]) -> Figures:
-    """Return minimum, maximum, mean, standard deviation, count and quantiles over the first axis, frames."""
-    shape = values.shape[1:] or (1,)
-    rows = values.reshape(len(values), -1)
-    # One column after the other: all of a long recording as double precision would be its largest array by far.
-    known = [_known(rows[:, k].astype(np.float64)) for k in range(rows.shape[1])]
-    found = {name: np.reshape([one[name] for one in known], shape).tolist() for name in known[0]}
-    return found | {"count": [len(rows)]}
+class Values:
+    """All values of a feature, on the disk: its quantiles need every one."""
+
+    def __init__(self, like: NDArray[Any]) -> None:
+        self._shape = like.shape[1:] or (1,)
+        self._spool = Spool(like.dtype)
+        self._parts: list[tuple[int, int]] = []
+
+    def add(self, values: NDArray[Any]) -> None:
+        """Add the values of some frames."""
+        self._parts.append((self._spool.n, len(values)))
+        self._spool.add(values.reshape(len(values), -1).T)
+
+    @property
+    def n_parts(self) -> int:
+        """How often values of some frames were added."""
+        return len(self._parts)
+
+    def figures(self, since: int = 0) -> Figures:
+        """Return minimum, maximum, mean, standard deviation, count and quantiles over the frames from a part on."""
+        parts = self._parts[since:]
+        # One column after the other: all of a long recording would be its largest array by far.
+        known = [
+            _known(np.concatenate([self._spool.read(at + k * n, at + (k + 1) * n) for at, n in parts]))
+            for k in range(math.prod(self._shape))
+        ]
+        found = {name: np.reshape([one[name] for one in known], self._shape).tolist() for name in known[0]}
+        return found | {"count": [sum(n for _, n in parts)]}
 
 
-def _known(column: NDArray[np.float64]) -> dict[str, float]:
+def _known(values: NDArray[Any]) -> dict[str, float]:
+    column = values.astype(np.float64)
     quantiles = np.quantile(column, QUANTILES)
     return {"min": column.min(), "max": column.max(), "mean": column.mean(), "std": column.std()} | {
         _key(q): value for q, value in zip(QUANTILES, quantiles, strict=True)

@@ -1,0 +1,35 @@
+"""Keep numbers of a recording on the disk until they are needed, so that memory does not grow with its length."""
+
+from __future__ import annotations
+
+import weakref
+from tempfile import SpooledTemporaryFile
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+# Bytes that stay in memory: a short recording needs no file.
+_HELD = 1 << 18
+
+
+class Spool:
+    """An array that grows in a file without a name, which goes with it. ``n`` is how many items it has."""
+
+    def __init__(self, dtype: DTypeLike) -> None:
+        self._dtype = np.dtype(dtype)
+        self._file = SpooledTemporaryFile(_HELD)  # noqa: SIM115 - it lives as long as this
+        weakref.finalize(self, self._file.close)
+        self.n = 0
+
+    def add(self, items: NDArray[Any]) -> None:
+        """Add items."""
+        self._file.seek(self.n * self._dtype.itemsize)
+        self._file.write(items.tobytes())
+        self.n += items.size
+
+    def read(self, begin: int, end: int) -> NDArray[Any]:
+        """Return some of the items, read-only."""
+        n_bytes = self._dtype.itemsize
+        self._file.seek(begin * n_bytes)
+        return np.frombuffer(self._file.read((end - begin) * n_bytes), self._dtype)
