@@ -39,7 +39,7 @@ FORMAT = "v3.0"
 DATA = f"data/{PLACE}.parquet"
 EPISODES = f"meta/episodes/{PLACE}.parquet"
 _DATA_MB = 100
-# Frames that are in memory at one time, and a row group of the table.
+# Frames whose numbers are in memory at one time, and are a row group of the table.
 _ROWS_PER_GROUP = 1 << 12
 UNLABELLED = "grasp"
 """Task of a recording without a label."""
@@ -254,7 +254,7 @@ class _Dataset:
         if self._writer is None:
             path = self._folder / DATA.format(**where)
             path.parent.mkdir(parents=True, exist_ok=True)
-            # Measured numbers hardly repeat: a dictionary of them takes memory and room.
+            # Measured numbers rarely repeat, so a dictionary takes memory and makes the file larger.
             self._writer = self._parquet.ParquetWriter(path, table.schema, use_dictionary=False)
         self._writer.write_table(table, row_group_size=_ROWS_PER_GROUP)
         for name, values in rows.items():

@@ -44,10 +44,10 @@ class Episode(NamedTuple):
 
     Attributes:
         start_ns: Time of the first frame, from the start of the session.
-        streams: By topic; a picture is its time alone.
+        streams: Times and numbers by topic.
         shapes: Height and width of the pictures, by finger.
         markers: Marked moments, in the order of their times.
-        first: Number of the first frame, in a part of an episode.
+        first: Number of the first frame; not 0 in later parts of an episode.
     """
 
     path: Path
@@ -69,11 +69,11 @@ class Episode(NamedTuple):
 
     @property
     def columns(self) -> dict[str, Column]:
-        """Features of the frames by name, pictures left out."""
+        """Features of the frames by name, without pictures."""
         return columns_of(self.streams, self.grid_ns)
 
     def parts(self, most: int) -> Iterator[Episode]:
-        """Return the episode in parts of so many frames, of which one at a time has its columns in memory."""
+        """Divide the episode into parts of so many frames: the columns of a whole hour take 80 MB."""
         for first in range(0, self.n_frames, most):
             yield self._replace(first=first, n_frames=min(most, self.n_frames - first))
 

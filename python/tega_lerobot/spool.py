@@ -1,4 +1,4 @@
-"""Keep numbers of a recording on the disk until they are needed, so that memory does not grow with its length."""
+"""Store numbers of a recording on disk until they are needed, so that memory does not grow with its length."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-# Bytes that stay in memory: a short recording needs no file.
+# Bytes up to which an array stays in memory: a short recording needs no file.
 _HELD = 1 << 18
 
 
 class Spool:
-    """An array that grows in a file without a name, which goes with it. ``n`` is how many items it has."""
+    """An array that grows in a temporary file, which is deleted with it; ``n`` is its length."""
 
     def __init__(self, dtype: DTypeLike) -> None:
         self._dtype = np.dtype(dtype)
@@ -23,13 +23,13 @@ class Spool:
         self.n = 0
 
     def add(self, items: NDArray[Any]) -> None:
-        """Add items."""
+        """Append items."""
         self._file.seek(self.n * self._dtype.itemsize)
         self._file.write(items.tobytes())
         self.n += items.size
 
     def read(self, begin: int, end: int) -> NDArray[Any]:
-        """Return some of the items, read-only."""
+        """Return the items from ``begin`` to before ``end``, read-only."""
         n_bytes = self._dtype.itemsize
         self._file.seek(begin * n_bytes)
         return np.frombuffer(self._file.read((end - begin) * n_bytes), self._dtype)

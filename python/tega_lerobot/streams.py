@@ -28,7 +28,7 @@ ARM_ACTION = tuple(f"arm_target.{name}" for name in PoseNumbers.table)
 """Numbers of the arm's part of an action: where the arm's end is to go, in the base's axes."""
 
 _S = 1_000_000_000
-# Items that wait to be written, together.
+# Items are written so many at a time.
 _MOST_HELD = 1 << 11
 # What a contact has in units of physics, where its metric gives them.
 _MEASURED = tuple(field.name for field in fields(records.Contact) if field.optional and field.unit != "1")
@@ -45,13 +45,13 @@ class Column(NamedTuple):
 
 
 class Stream:
-    """Times, nanoseconds, and numbers of one topic; a picture has none (``None``). Most are on the disk.
+    """Times, nanoseconds, and numbers of one topic, on disk; a picture has no numbers (``None``).
 
     Attributes:
         width: How many numbers an item has; ``None`` before the first.
-        n: How many items there are.
+        n: Number of items.
         first_ns: Time of the first item.
-        last_ns: Time of the newest one.
+        last_ns: Time of the newest item.
     """
 
     def __init__(self, times: Iterable[int] = (), rows: Iterable[Sequence[float] | None] = ()) -> None:
@@ -83,7 +83,7 @@ class Stream:
             self._spooled()
 
     def _spooled(self) -> Spool:
-        """Return all items, after bringing the newest ones there."""
+        """Write the items that are still in memory, and return all of them."""
         dtype = np.dtype([("t_ns", np.int64), ("row", np.float32, (self.width or 0,))])
         if self._spool is None:
             self._spool = Spool(dtype)
@@ -103,14 +103,14 @@ class Stream:
 
     @cached_property
     def known(self) -> NDArray[np.bool_]:
-        """Whether each number of an item is ever one; no item is added afterwards."""
+        """Whether each number is finite in any item; no item may be added afterwards."""
         known: NDArray[np.bool_] = np.logical_or.reduce(np.isfinite(self.rows))
         return known
 
     def around(self, grid_ns: NDArray[np.int64], n: int = 1) -> tuple[int, NDArray[Any], NDArray[np.int64]]:
-        """Return the items that times in a row can concern, the newest ``n`` at each; and the newest itself.
+        """Read only the items that are among the newest ``n`` at any of some ascending times.
 
-        The first number is that of the first item, the last ones count from there. Only these items are read.
+        Returns the number of the first of these items, the items, and the index of the newest one at each time.
         """
         items = self._spooled()
 
@@ -123,14 +123,14 @@ class Stream:
         return begin, found, np.searchsorted(found["t_ns"], grid_ns, side="right") - 1
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the newest value at each of some times in a row; NaN and values outside float32 become 0."""
+        """Return the newest value at each of some ascending times; NaN and values outside float32 become 0."""
         _, items, newest = self.around(grid_ns)
         rows: NDArray[np.float32] = items["row"][newest]
         return np.nan_to_num(rows, posinf=0.0, neginf=0.0)
 
 
 class Chunks(Stream):
-    """Samples of EMG, each at the time of its chunk."""
+    """EMG samples: each is an item, at the time of its chunk."""
 
     def add_samples(self, t_ns: int, samples: Sequence[float], n_channels: int) -> None:
         """Add a chunk: its samples one after the other, the channels of each together."""

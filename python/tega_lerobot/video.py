@@ -32,7 +32,7 @@ _OPTIONS = {"g": "2", "crf": "21", "preset": "ultrafast", "threads": "1"}
 
 
 class Values:
-    """All values of a feature, on the disk: its quantiles need every one."""
+    """All values of a feature, on disk: quantiles need every one."""
 
     def __init__(self, like: NDArray[Any]) -> None:
         self._shape = like.shape[1:] or (1,)
@@ -40,19 +40,19 @@ class Values:
         self._parts: list[tuple[int, int]] = []
 
     def add(self, values: NDArray[Any]) -> None:
-        """Add the values of some frames."""
+        """Add a part: the values of some frames."""
         self._parts.append((self._spool.n, len(values)))
         self._spool.add(values.reshape(len(values), -1).T)
 
     @property
     def n_parts(self) -> int:
-        """How often values of some frames were added."""
+        """Number of parts that were added."""
         return len(self._parts)
 
     def figures(self, since: int = 0) -> Figures:
-        """Return minimum, maximum, mean, standard deviation, count and quantiles over the frames from a part on."""
+        """Return minimum, maximum, mean, standard deviation, count and quantiles of the parts from ``since`` on."""
         parts = self._parts[since:]
-        # One column after the other: all of a long recording would be its largest array by far.
+        # One column after the other, since all of a long recording would take the most memory of the export.
         known = [
             _known(np.concatenate([self._spool.read(at + k * n, at + (k + 1) * n) for at, n in parts]))
             for k in range(math.prod(self._shape))
