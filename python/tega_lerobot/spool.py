@@ -1,4 +1,4 @@
-"""Store numbers of a recording on disk until they are needed, so that memory does not grow with its length."""
+"""Store numbers of a recording on disk until they are needed: memory does not grow with its length."""
 
 from __future__ import annotations
 

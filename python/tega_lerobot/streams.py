@@ -110,7 +110,7 @@ class Stream:
     def around(self, grid_ns: NDArray[np.int64], n: int = 1) -> tuple[int, NDArray[Any], NDArray[np.int64]]:
         """Read only the items that are among the newest ``n`` at any of some ascending times.
 
-        Returns the number of the first of these items, the items, and the index of the newest one at each time.
+        Returns the number of the first of these items, the items, and the newest one's index at each time.
         """
         items = self._spooled()
 
@@ -123,7 +123,7 @@ class Stream:
         return begin, found, np.searchsorted(found["t_ns"], grid_ns, side="right") - 1
 
     def at(self, grid_ns: NDArray[np.int64]) -> NDArray[np.float32]:
-        """Return the newest value at each of some ascending times; NaN and values outside float32 become 0."""
+        """Return the newest value at each of some ascending times; NaN and infinity become 0."""
         _, items, newest = self.around(grid_ns)
         rows: NDArray[np.float32] = items["row"][newest]
         return np.nan_to_num(rows, posinf=0.0, neginf=0.0)

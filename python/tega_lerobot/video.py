@@ -50,7 +50,7 @@ class Values:
         return len(self._parts)
 
     def figures(self, since: int = 0) -> Figures:
-        """Return minimum, maximum, mean, standard deviation, count and quantiles of the parts from ``since`` on."""
+        """Return minimum, maximum, mean, deviation, count and quantiles of the parts from ``since`` on."""
         parts = self._parts[since:]
         # One column after the other, since all of a long recording would take the most memory of the export.
         known = [

@@ -3,8 +3,8 @@
     python -m tega_figures.recording_speed make SESSION --seconds 60
     python -m tega_figures.recording_speed measure SESSION/trial-001.mcap [FILE ...] -n 3
 
-The recording is a simulated lift that does not end: from 4 s on the person holds the bottle where it stands, four
-fingers touch it, 60 pictures a second each. A bottle in the air creeps out of the hand and falls after 43 minutes.
+The recording is a simulated lift that does not end: from 4 s on the person holds the bottle where it stands,
+four fingers touch it, 60 pictures a second each. A lifted one creeps out of the hand, and falls after 43 min.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Holding:
     def act(self, percept: Percept) -> Act:
         """Return the person's action, the same from four seconds on.
 
-        Its phase is ``place``: otherwise an object that rises and stands again counts as dropped, which ends the lift.
+        Its phase is ``place``: else an object that rises and stands again is dropped, which ends the lift.
         """
         if self._held is None:
             act = self._person.act(percept)
