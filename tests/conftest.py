@@ -81,14 +81,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """Share out folders among one process more than there are cores, as tests also wait.
+    """Share out files among more processes than there are cores, as tests also wait: one more, two with slow tests.
 
     Named files, and everything on one core, run in this process.
     """
     if _files_are_named(config):
         return 0
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return n_cores + 1 if n_cores > 1 else 0
+    return n_cores + (1 if config.option.markexpr == LEFT_OUT else 2) if n_cores > 1 else 0
 
 
 @pytest.hookimpl(wrapper=True)

@@ -43,7 +43,7 @@ folder = Path(sys.argv[1])
 with emulated_lab(
     folder, emg_hz=250.0, hand=True, vest=True, fingers=("index",), camera_hz=30.0, touch=PRESSED
 ) as lab:
-    lab.tree["session"] |= {"duration_s": 6.0, "preset": "live"}
+    lab.tree["session"] |= {"duration_s": 10.0, "preset": "live"}
     lab.tree["recording"] = {"dir": str(folder / "recorded"), "lossless": True}
     lab.tree["vest"] |= {"layout": "sleeve16"}
     lab.tree["stages"] = json.loads(sys.argv[2])
