@@ -22,6 +22,7 @@ from tega.recording.export import export_file
 from tega.recording.mcap_folder import SessionFolder, session_files
 from tega.recording.trim import trim_session
 from tega_lerobot.dataset import export_lerobot
+from tega_lerobot.spool import Spool
 from tega_lerobot.streams import Stream
 from tega_lerobot.video import EpisodeCamera
 
@@ -288,3 +289,9 @@ def test_numbers_of_a_long_episode_wait_on_disk() -> None:
     assert stream.rows.shape == (n, 6)
     with pytest.raises(ValueError, match="5 numbers after 6"):
         stream.add(n, (0.5,) * 5)
+
+
+def test_a_folder_without_room_for_numbers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
+    with pytest.raises(RecordingError, match=r"gone: No such.*TMPDIR"):
+        Spool(np.float32).add(np.zeros(100_000, np.float32))
