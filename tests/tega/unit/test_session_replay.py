@@ -71,7 +71,7 @@ def test_a_gap_of_an_hour_is_refused_before_it_is_replayed(short: Path, tmp_path
         return log_ns + 3600 * 10**9 * (topic == "/run/end")
 
     path = rewritten(short, tmp_path / "gap.mcap", times=later)
-    with pytest.raises(RecordingError, match=r"gap.mcap: nothing was recorded for 3[56]\d\d s after 0.2 s"):
+    with pytest.raises(RecordingError, match=r"gap.mcap: nothing was recorded for 3[56]\d\d s after 0.\d s"):
         replay_file(path)
 
 

@@ -187,7 +187,7 @@ def _open_bundle(path: Path) -> None:
 
 def _write_scene(path: Path) -> None:
     cameras = {"front": str(film(path.with_name("film.avi"), 3))}
-    record_cameras(path, cameras, size=(64, 64), rate_hz=30, stop=lambda: False)
+    record_cameras(path, cameras, size=(192, 128), rate_hz=30, stop=lambda: False)
 
 
 def _write_mp4(path: Path) -> None:
