@@ -229,6 +229,14 @@ fn a_frozen_hand_is_let_go() {
 
 #[test]
 fn heat_lowers_the_torque_and_then_ends_it() {
+    let [cool, warm] = [40, 75].map(|joint_c| {
+        let mut bench = Bench::new(Hand { joint_c, moves: false, ..Hand::default() });
+        bench.run(600);
+        bench.level = 5.0;
+        bench.run(500);
+        bench.hand.duties.into_iter().sum::<i16>()
+    });
+    assert!(cool > 1000 && 5 * cool > 6 * warm, "{cool} {warm}");
     let mut bench = Bench::running();
     assert!((bench.link.heat_share(600 * MS) - 1.0).abs() < 1e-12);
     bench.hand.joint_c = 75;
