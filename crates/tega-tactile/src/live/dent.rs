@@ -352,6 +352,15 @@ mod tests {
     }
 
     #[test]
+    fn depth_is_counted_from_where_nothing_changes() {
+        let (depth, change) = ([[3.0; 8], [9.0; 8]].concat(), [[0.0; 8], [5.0; 8]].concat());
+        // Five times the scale of the weights, to the fourth power.
+        let far = 1.0 / 626.0;
+        let floor = untouched(&depth, &change, 5.0);
+        assert!((floor - (3.0 + 9.0 * far) / (1.0 + far)).abs() < 1e-5, "{floor}");
+    }
+
+    #[test]
     fn depth_that_lies_beside_the_change_is_not_outlined() {
         let at = |cells: std::ops::Range<usize>, value: f32| -> Vec<f32> {
             (0..32).map(|k| if cells.contains(&k) { value } else { 0.0 }).collect()
