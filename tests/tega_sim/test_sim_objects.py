@@ -138,17 +138,17 @@ def test_a_study_s_hash_covers_all_it_depends_on(tmp_path: Path, monkeypatch: py
 
 
 def test_the_program_s_hash_covers_its_python_its_data_and_its_extension(tmp_path: Path) -> None:
-    names = ("a.py", "world/objects.toml", "_native.abi3.so", "__pycache__/a.cpython-311.pyc")
-    for name in names:
-        (tmp_path / name).parent.mkdir(exist_ok=True)
+    covered = ("tega/a.py", "tega_sim/world/objects.toml", "tega/_native.abi3.so")
+    others = ("tega/__pycache__/a.cpython-311.pyc", "tega-0.2.dist-info/RECORD", "numpy/a.py")
+    for name in (*covered, *others):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("1", encoding="utf-8")
     before = code_sha256(tmp_path)
-    for name in names:
+    for name in (*covered, *others):
         (tmp_path / name).write_text("2", encoding="utf-8")
-        assert (code_sha256(tmp_path) == before) == name.startswith("__pycache__")
+        assert (code_sha256(tmp_path) == before) == (name in others)
         (tmp_path / name).write_text("1", encoding="utf-8")
-    assert code_sha256(tmp_path) == before
-    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    (tmp_path / "tega/a.py").rename(tmp_path / "tega/b.py")
     assert code_sha256(tmp_path) != before
 
 

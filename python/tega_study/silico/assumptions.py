@@ -28,7 +28,7 @@ from tega_sim.world import ObjectSpec
 from tega_sim.world.objects import REMOVED_FIELDS
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
-PACKAGE: Final = Path(tega.__file__).parent
+PACKAGES: Final = Path(tega.__file__).parents[1]
 _NEW: Final = "simulate anew without it; the version that wrote the study reads it"
 # A study states which rules its people followed, also former ones.
 _REMOVED: Final = {
@@ -118,10 +118,12 @@ def assume(
     return stated, {SIMULATION: text.encode(), PARAMETERS: content}
 
 
-def code_sha256(root: Path = PACKAGE) -> str:
-    """Return the SHA-256 of the installed program: Python, data such as the objects, and the compiled extension."""
+def code_sha256(root: Path = PACKAGES) -> str:
+    """Return the SHA-256 of TEGA's packages: Python, data such as the objects, and the compiled extension."""
     digest = hashlib.sha256()
-    for path in sorted(root.rglob("*")):
+    for path in sorted(
+        path for one in root.glob("tega*") if one.name.isidentifier() for path in one.rglob("*")
+    ):
         if path.is_file() and "__pycache__" not in path.parts:
             content = path.read_bytes()
             digest.update(f"{path.relative_to(root).as_posix()} {len(content)}\n".encode() + content)
