@@ -12,7 +12,8 @@ import msgspec
 
 from tega.errors import ConfigError
 from tega.runtime.features import broken_features, named
-from tega.runtime.words import Removed, nearest_hint, number_text
+from tega.runtime.removed import Removed
+from tega.runtime.words import nearest_hint, number_text
 
 REMOVED: Final[Mapping[str, Removed]] = {
     "vest.feedback": Removed(
@@ -60,7 +61,7 @@ def check_removed(tree: Mapping[str, Any], origins: Mapping[str, str]) -> None:
         if found is None or (wanted and found != wanted):
             continue
         origin = next((o for k, o in origins.items() if k == key or k.startswith(f"{key}.")), "settings")
-        raise ConfigError(f"{origin}: {gone.sentence(name)}", gone.hint)
+        raise gone.refusal(f"{origin}: {name}")
 
 
 def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:

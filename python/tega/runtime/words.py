@@ -1,13 +1,11 @@
-"""Put into words: numbers, the name nearest to an unknown one, and settings, stages and fields that were taken out."""
+"""Put into words: numbers, and the name nearest to an unknown one."""
 
 from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Iterable, Mapping
-from typing import Any, Final, NamedTuple
-
-from tega.errors import ConfigError
+from collections.abc import Iterable
+from typing import Final
 
 _LEAST: Final = 1e-9
 _MOST: Final = 1e12
@@ -52,38 +50,3 @@ def nearest_hint(
     names = list(known)
     near = difflib.get_close_matches(name, names, n=1, cutoff=cutoff)
     return f"did you mean {near[0]!r}?" if near else f"{otherwise} {', '.join(names) or 'none'}"
-
-
-class Removed(NamedTuple):
-    """A setting, stage or field that was taken out; a file may still hold the value ``unused`` of a field."""
-
-    since: str
-    reason: str
-    hint: str
-    unused: Any = None
-
-    def sentence(self, name: str) -> str:
-        """Return the message for a name."""
-        return f"{name} was taken out in {self.since}: {self.reason}"
-
-
-REMOVED: Final[Mapping[str, Removed]] = {
-    "stages.metric shear": Removed(
-        "0.3", "it was not shown to tell sliding from holding", "choose live, which reads the same contact"
-    )
-}
-"""Settings and stages of this package that were taken out, by name."""
-
-
-def refuse_removed(name: str, removed: Mapping[str, Removed] = REMOVED) -> None:
-    """Refuse what was taken out, since when and why in the message; anything else passes."""
-    if (gone := removed.get(name)) is not None:
-        raise ConfigError(gone.sentence(name), gone.hint)
-
-
-def without_removed(table: Mapping[str, Any], removed: Mapping[str, Removed]) -> dict[str, Any]:
-    """Return a file's table without removed fields that it made no use of; one in use is ``ConfigError``."""
-    for name, value in table.items():
-        if name in removed and value != removed[name].unused:
-            refuse_removed(name, removed)
-    return {name: value for name, value in table.items() if name not in removed}

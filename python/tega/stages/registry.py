@@ -20,7 +20,7 @@ import msgspec
 from tega.errors import DeviceUnavailableError, TegaError
 from tega.haptics.motor_layout import MotorLayout, find_layout
 from tega.runtime.features import find_plugin, load_plugin, plugin_package, plugins
-from tega.runtime.words import refuse_removed
+from tega.runtime.removed import Removed
 from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 
 _UNITS = {
@@ -34,6 +34,12 @@ _UNITS = {
     "rad": "rad",
     "dbfs": "dBFS",
 }
+REMOVED: Final = {
+    "stages.metric shear": Removed(
+        "0.3", "it was not shown to tell sliding from holding", "choose live, which reads the same contact"
+    )
+}
+"""Stages that were taken out, by group and name."""
 _PERCENT = {"vest.threshold", "vest.step", "vest.options.limit"}
 
 
@@ -115,8 +121,9 @@ def stage_class(group: Literal["metric", "decoder", "mapping", "reflex"], name: 
         DeviceUnavailableError: Its module lacks the name in its entry point.
     """
     where, base = GROUPS[group]
-    if name not in plugins(where):
-        refuse_removed(f"stages.{group} {name}")
+    removed = f"stages.{group} {name}"
+    if removed in REMOVED and name not in plugins(where):
+        raise REMOVED[removed].refusal(removed)
     entry = find_plugin(where, group, name)
     loaded = kind = load_plugin(entry, group)
     problem = ""

@@ -17,7 +17,7 @@ import msgspec
 from tega.config.errors import wrong_value
 from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign
-from tega.runtime.words import Removed, without_removed
+from tega.runtime.removed import Removed, without_removed
 
 _NEW: Final = "plan anew without it; the version that wrote the file reads it"
 

@@ -19,7 +19,7 @@ import tega
 from tega.errors import ConfigError, RecordingError
 from tega.runtime.files.foreign_file import parse_toml, read_foreign, read_words
 from tega.runtime.files.toml_text import tree_text
-from tega.runtime.words import Removed, without_removed
+from tega.runtime.removed import Removed, without_removed
 from tega_sim.operator import load_parameters, people_digest
 from tega_sim.operator.person import RULES, Parameter
 from tega_sim.operator.vision import ViewName

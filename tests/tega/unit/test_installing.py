@@ -26,7 +26,7 @@ from tega.records.base import Count, Ns
 from tega.records.schema import fields
 from tega.runtime.child_process import own_group, python_command
 from tega.runtime.features import Feature, features, load_target
-from tega.runtime.words import Removed, without_removed
+from tega.runtime.removed import Removed, without_removed
 from tega.setup.doctor.bench import DriverProbe
 from tega.setup.doctor.findings import Finding
 from tega.stages.registry import stage_class
