@@ -15,6 +15,7 @@ from tega_study.coupling import (
     TouchCourse,
     correlate,
     dwell,
+    finite,
     fisher_mean,
     fisher_z,
     lag_sweep,
@@ -24,7 +25,7 @@ from tega_study.coupling import (
     response_slope,
     transitions,
 )
-from tega_study.people import finite, sign_flip
+from tega_study.people import sign_flip
 from tega_study.trials import Trial
 
 MOST_LAG_S = 1.0

@@ -10,13 +10,12 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tega_study.counts import poisson_rates, shares
 from tega_study.people import (
     adjusted_ratio,
     cross_over,
     paired_log_ratio,
-    poisson_rates,
     ratio_of_means,
-    shares,
     sign_flip,
     within_person,
 )

@@ -166,6 +166,11 @@ def response_slope(pose: NDArray[np.float64], touch: NDArray[np.float64]) -> flo
     return float(off @ change / (off @ off))
 
 
+def finite(value: float) -> float | None:
+    """Return a number, or ``None`` where it is not defined."""
+    return value if math.isfinite(value) else None
+
+
 def fisher_z(r: float) -> float:
     """Return Fisher's z of a correlation, finite for any."""
     return math.atanh(min(max(r, -0.999999), 0.999999))

@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats
-from tega_study.people import clopper_pearson, dispersion, finite
+from tega_study.counts import clopper_pearson, dispersion
 from tega_study.trials import Trial
 
 PAPER_OBJECTS = ("bottle", "container", "bag")
@@ -214,7 +214,7 @@ def cells_of(trials: Sequence[Trial], objects: Sequence[str], conditions: Sequen
             duration_success_s=_mean([t_s for t_s, good in timed if good]),
             slips=_mean(slips),
             slips_sd=_sd(slips),
-            slips_dispersion=finite(dispersion(slips)),
+            slips_dispersion=dispersion(slips),
             deformations=_mean(deformed),
             deformations_sd=_sd(deformed),
             drops=_mean([t.drops for t in mine]),

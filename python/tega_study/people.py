@@ -1,4 +1,4 @@
-"""Compare conditions person by person, counts and success rates: tests that speak of other people, or of these trials.
+"""Compare conditions person by person: tests that speak of other people, or of these trials.
 
 Trials of one person are more alike than trials of two, and people differ in what feedback does to them. A test that
 forgets either finds effects that are not there. Those that speak of people take a person's means as the data.
@@ -166,73 +166,6 @@ def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike)
         return None
     ahead, behind = float(period[began].mean()), float(period[~began].mean())
     return CrossOver((ahead - behind) / 2, (ahead + behind) / 2, float(test.statistic), float(test.pvalue))
-
-
-class Shares(NamedTuple):
-    """Two success rates compared; all of it treats trials as independent.
-
-    Two-sided p of Fisher's exact test and of Boschloo's, which is never less powerful; the first share less
-    the second, with Newcombe's 95 % interval.
-    """
-
-    fisher: float
-    boschloo: float
-    difference: float
-    low: float
-    high: float
-
-
-def clopper_pearson(k: int, n: int) -> tuple[float, float]:
-    """Return the exact confidence interval of a share of ``k`` in ``n``.
-
-    Example:
-        >>> low, high = clopper_pearson(5, 5)
-        >>> round(low, 3), high
-        (0.478, 1.0)
-    """
-    found = scipy_stats().binomtest(k, n).proportion_ci(method="exact")
-    return float(found.low), float(found.high)
-
-
-def shares(k1: int, n1: int, k2: int, n2: int) -> Shares:
-    """Compare ``k1`` of ``n1`` with ``k2`` of ``n2``."""
-    stats = scipy_stats()
-    table = [[k1, n1 - k1], [k2, n2 - k2]]
-    low, high = statsmodels("stats.proportion").confint_proportions_2indep(
-        k1, n1, k2, n2, method="newcomb", compare="diff"
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # SciPy divides 0 by 0 where both shares are 0 or 1
-        boschloo = float(stats.boschloo_exact(table).pvalue)
-    boschloo = 1.0 if math.isnan(boschloo) else min(1.0, boschloo)
-    return Shares(float(stats.fisher_exact(table)[1]), boschloo, k1 / n1 - k2 / n2, float(low), float(high))
-
-
-def poisson_rates(k1: int, k2: int) -> tuple[float, float, float, float]:
-    """Compare two totals of events under equal exposure: two-sided p, ratio and its exact 95 % interval.
-
-    Conditional on the sum. Too sure of itself where counts vary more than Poisson's; see :func:`dispersion`.
-    """
-    test = scipy_stats().binomtest(k1, k1 + k2, 0.5)
-    ends = test.proportion_ci(method="exact")
-    return float(test.pvalue), k1 / k2 if k2 else math.inf, _odds(float(ends.low)), _odds(float(ends.high))
-
-
-def _odds(share: float) -> float:
-    return share / (1 - share) if share < 1 else math.inf
-
-
-def finite(value: float) -> float | None:
-    """Return a number, or ``None`` where it is not defined."""
-    return value if math.isfinite(value) else None
-
-
-def dispersion(counts: ArrayLike) -> float:
-    """Return variance over mean: 1 for Poisson counts, NaN where nothing was counted or there is one count."""
-    values = np.asarray(counts, float)
-    if len(values) < 2 or values.mean() == 0:
-        return math.nan
-    return float(values.var(ddof=1) / values.mean())
 
 
 def adjusted_ratio(

@@ -19,18 +19,10 @@ from reference.command import call
 from reference.study_bench import counted
 from tega.errors import InvalidValueError
 from tega_study.compare import compare
+from tega_study.counts import clopper_pearson, dispersion, poisson_rates, shares
 from tega_study.coupling import correlate, effective_n, fisher_mean, lag_sweep, response_slope
 from tega_study.figures import p_text
-from tega_study.people import (
-    adjusted_ratio,
-    clopper_pearson,
-    cross_over,
-    dispersion,
-    paired_log_ratio,
-    poisson_rates,
-    ratio_of_means,
-    shares,
-)
+from tega_study.people import adjusted_ratio, cross_over, paired_log_ratio, ratio_of_means
 from tega_study.power import SPREADS, PlannedTest, least_people, people_for, power_of, too_few
 from tega_study.rank import holm, mann_whitney, shift
 

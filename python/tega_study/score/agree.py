@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats, statsmodels
-from tega_study.people import finite
+from tega_study.coupling import finite
 
 _EPS = 1e-9
 _TURNS = 60
