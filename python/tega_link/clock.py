@@ -6,7 +6,7 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable
-from typing import Final, Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import msgspec
 
@@ -19,7 +19,6 @@ WINDOW_NS = 10_000_000_000
 _Message = TypeVar("_Message", HandMessage, ArmMessage, Feature, Samples)
 
 Refusal = Literal["foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed"]
-REFUSALS: Final = ("foreign", "repeated", "reordered", "no clock", "old", "ahead", "malformed")
 
 # So far a message may seem to come from the future, besides half the round trip.
 _AHEAD_NS = 20_000_000

@@ -137,7 +137,6 @@ class State(Stamped, frozen=True, tag=True, kw_only=True):
     """
 
     leader: int = 0
-    leader_name: str = ""
     state: str = ""
     reason: str = ""
     alerts: tuple[str, ...] = ()

@@ -259,7 +259,6 @@ class RobotStation(Station):
         report = State(
             **facts,
             leader=session,
-            leader_name=self._reception.name,
             refused=self._commands.refused,
             problem=self.missing() if session else "",
         )
