@@ -16,6 +16,7 @@ from reference.command import call
 from tega.config import SessionConfig
 from tega.errors import ConfigError, FeatureError, TegaError
 from tega.loop import run_session
+from tega.recording import export
 from tega.records import Marker, types
 from tega.records.bus import Bus
 from tega.records.display import DisplayRows
@@ -128,6 +129,7 @@ def test_tega_s_own_names_are_all_there() -> None:
             verbs |= {f"{name} {verb}" for verb in group.commands}
     assert set(OWN_NAMES["verbs"]) == verbs
     assert set(OWN_NAMES["settings"]) == set(SessionConfig.__struct_fields__)
+    assert set(OWN_NAMES["formats"]) == set(export._GROWING)
 
 
 @pytest.mark.parametrize("member", ["part", "checks", "panels", "played"])

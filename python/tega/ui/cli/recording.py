@@ -10,6 +10,7 @@ import click
 from click.core import ParameterSource
 
 from tega.errors import ConfigError, MissingExtraError, TegaError
+from tega.runtime.declaration import OWN_NAMES
 from tega.runtime.features import load_target, named, warn
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.guest_group import GuestGroup
@@ -98,9 +99,6 @@ def _number(value: float | None, digits: int) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 
 
-_TABLES = ("csv", "parquet")
-
-
 def _guest_formats() -> dict[str, ExportFormat]:
     """Return the formats of features by name; one that cannot be loaded, or has a taken option, is left out."""
     found: dict[str, ExportFormat] = {}
@@ -135,8 +133,8 @@ def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> s
     if value in guests:
         feature, target = guests[value]
         load_target(target, feature, ExportFormat, "ExportFormat")  # names the package that it lacks
-    elif value not in _TABLES:
-        raise click.BadParameter(f"{value!r} is not one of {', '.join((*_TABLES, *guests))}")
+    elif value not in OWN_NAMES["formats"]:
+        raise click.BadParameter(f"{value!r} is not one of {', '.join((*OWN_NAMES['formats'], *guests))}")
     return value
 
 
