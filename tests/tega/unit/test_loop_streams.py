@@ -119,7 +119,7 @@ def test_a_live_sensor_that_goes_away_says_why_for_as_long_as_it_is_gone() -> No
     camera: Any = ScriptedCamera([live_frame(0), DeviceUnavailableError("unplugged"), live_frame(2)])
     got = list(measured_contacts(camera, meter(report), stopped=lambda: report.lost != ""))
     assert len(got) == 1
-    assert report.lost == "unplugged"
+    assert (report.lost, report.end_ns) == ("unplugged", None)
 
 
 def test_a_recorded_frame_of_another_size_than_its_baseline_is_an_error() -> None:

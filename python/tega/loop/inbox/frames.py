@@ -208,7 +208,7 @@ def measured_contacts(
     rate_hz = source.info.rate_hz
     if not meter.live and rate_hz:
         end_ns = round(meter.next_seq * 1_000_000_000 / rate_hz)
-    report.end_ns = end_ns
+    report.end_ns = end_ns if source.ended else None
     return end_ns
 
 

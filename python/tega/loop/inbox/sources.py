@@ -297,5 +297,5 @@ def grasp_blocks(
         for intent in intents:
             stamp(intent.t_ns, received_ns)
             yield intent
-    report.end_ns = meter.end_ns
+    report.end_ns = meter.end_ns if source.ended else None
     return meter.end_ns
