@@ -210,7 +210,7 @@ def test_words_say_what_each_part_did(course: RunCourse) -> None:
         "thumb: 2 contacts, 0.3 s in all, the first at 0.2 s; most at 0.3 s (CCI 80 %, EDA 40 % of the maximum)",
         "ring: never touched",
         "level: 3 changes, from 1 to 2; tightest 4, first at 0.3 s",
-        "vest: on in 50 % of its frames; strongest 70 % at 0.5 s (front column 2)",
+        "vest: on in 50 % of its frames; strongest 70 % before the driver's limits, at 0.5 s (front column 2)",
     ]
     assert course.words(pose_base=0)[2] == "level: 3 changes, from 0 to 1; tightest 3, first at 0.3 s"
 

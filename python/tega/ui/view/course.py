@@ -118,7 +118,7 @@ def _vest_words(vest: VestCourse | None) -> Iterator[str]:
     frame, motor = divmod(int(vest.intensities.argmax()), vest.intensities.shape[1])
     yield (
         f"vest: on in {100 * share:.0f} % of its frames; strongest {vest.intensities[frame, motor]} % "
-        f"at {vest.t_s[frame]:.1f} s ({vest.motors[motor]})"
+        f"before the driver's limits, at {vest.t_s[frame]:.1f} s ({vest.motors[motor]})"
     )
 
 
