@@ -5,20 +5,14 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from reference.installed import distribution
-from tega.config import SessionConfig, check_tree
 from tega.records import types
 from tega.runtime import features as loader
 
 Install = Callable[..., None]
-
-
-def checked(tree: dict[str, Any]) -> SessionConfig:
-    return check_tree(tree, {}, base=Path()).config
 
 
 GOOD = """

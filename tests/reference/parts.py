@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, Self
 
-from tega.config import SessionConfig
+from tega.config import SessionConfig, check_tree
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.inbox.inputs import Prepared
@@ -15,6 +16,10 @@ from tega.loop.snapshot import LoopView, Snapshot
 from tega.records import RunState
 from tega.records.bus import Bus
 from tega.records.display import Notice
+
+
+def checked(tree: dict[str, Any]) -> SessionConfig:
+    return check_tree(tree, {}, base=Path.cwd()).config
 
 
 def observed(

@@ -11,16 +11,13 @@ import pytest
 pytest.importorskip("foxglove", reason="needs the extra record")
 pytest.importorskip("av", reason="needs the extra lerobot")
 
-from tega.config import SessionConfig, check_tree
+from reference.parts import checked
+from tega.config import SessionConfig
 from tega.loop.snapshot import LoopView
 from tega.recording.replay.playhead import Playhead
 from tega.records.bus import Bus
 
 MS = 1_000_000
-
-
-def checked(tree: dict[str, Any]) -> SessionConfig:
-    return check_tree(tree, {}, base=Path.cwd()).config
 
 
 def nowhere(folder: Path) -> SessionConfig:

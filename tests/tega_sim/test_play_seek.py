@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from reference.parts import observed
+from reference.parts import checked, observed
 from tega.records import Intent, VestFrame
 
 pytest.importorskip("foxglove", reason="needs the extra record")
@@ -19,7 +19,6 @@ from reference.chromium import launched, opened
 from reference.moments import Moments
 from reference.processes import until
 from reference.sessions import read_recorded
-from tega.config import SessionConfig, check_tree
 from tega.errors import InvalidValueError
 from tega.loop.inbox.stream import LiveStream
 from tega.loop.snapshot import LoopView
@@ -29,10 +28,6 @@ from tega.ui.view.browser import BrowserView, Controls
 
 SECONDS = 1.5
 MS = 1_000_000
-
-
-def checked(tree: dict[str, Any]) -> SessionConfig:
-    return check_tree(tree, {}, base=Path.cwd()).config
 
 
 def frames(folder: Path) -> dict[int, list[int]]:

@@ -11,8 +11,9 @@ import click
 import pytest
 
 from reference import bad_features
-from reference.bad_features import RECORDS, Install, checked
+from reference.bad_features import RECORDS, Install
 from reference.command import call
+from reference.parts import checked
 from tega.config import SessionConfig
 from tega.errors import ConfigError, FeatureError, TegaError
 from tega.loop import run_session

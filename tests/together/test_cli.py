@@ -14,11 +14,13 @@ import numpy as np
 import pytest
 
 from reference.command import call
+from reference.parts import checked
 from reference.recordings import squeezes, write_folder
 from tega.records import Contact, Intent, VestFrame
 from tega.records.bus import Bus
 from tega.setup.contract.command import main as contract
 from tega.ui.cli.main import cli
+from tega.ui.cli.run import stage
 from tega.ui.view.course import RunCourse
 
 SESSION = """
@@ -150,10 +152,12 @@ def test_no_traceback_unless_asked_for(capsys: pytest.CaptureFixture[str], tmp_p
         assert "Traceback" in call(capsys, *words, code=1)[1]
 
 
-def test_a_session_without_input_is_refused(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
-    (tmp_path / "empty.toml").write_text("")
-    _, err = call(capsys, "run", tmp_path / "empty.toml", code=1)
-    assert err.startswith("error: no input: neither a tactile source nor EMG is set")
+@pytest.mark.parametrize("hand", [None, "python-can"])
+def test_a_vest_drawn_in_the_terminal_takes_the_live_views_place_unless_a_hand_moves(monkeypatch, hand):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    config = checked({"vest": {"driver": "on-screen-vest"}, "hand": {"driver": hand}})
+    with stage("a run", enabled=True, config=config) as (_, display):
+        assert (display is None) is (hand is None)
 
 
 @pytest.mark.parametrize("verb", ["play", "verify"])

@@ -18,9 +18,9 @@ import pytest
 from msgspec.structs import replace
 
 from reference.command import call
-from reference.parts import observed
+from reference.parts import checked, observed
 from reference.sessions import read_recorded, record_with_arm
-from tega.config import SessionConfig, check_tree
+from tega.config import SessionConfig
 from tega.config.calibration.folder import CalibrationFolder
 from tega.errors import ConfigError
 from tega.haptics import MotorLevels
@@ -43,10 +43,6 @@ def _where_nobody_has_worn_the_vest_today(tmp_path_factory: pytest.TempPathFacto
     # The dose of a wearer who is not named is kept in the working folder.
     with contextlib.chdir(tmp_path_factory.mktemp("work")):
         yield
-
-
-def checked(tree: dict[str, Any]) -> SessionConfig:
-    return check_tree(tree, {}, base=Path.cwd()).config
 
 
 def rows(path: Path) -> list[list[str]]:

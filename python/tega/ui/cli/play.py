@@ -130,14 +130,13 @@ def play(
     heading = f"TEGA · {file.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
     played = partial(play_file, file, speed=speed, because=because, playhead=playhead, others=others)
-    drawn_here = config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None
     started = time.perf_counter()
     annotating = nullcontext() if rater is None else annotation_keys(file, rater, lambda: playhead.at_s)
     with (
         annotating as annotate,
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json),
-        stage(heading, enabled=not (as_json or drawn_here)) as (progress, display),
+        stage(heading, enabled=not as_json, config=config) as (progress, display),
     ):
         bus = Bus()
         if display is not None:

@@ -32,11 +32,16 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def stage(title: str, *, enabled: bool) -> Iterator[tuple[Progress, TerminalView | None]]:
+def stage(
+    title: str, *, enabled: bool, config: SessionConfig | None = None
+) -> Iterator[tuple[Progress, TerminalView | None]]:
     """Show preparation and run on a terminal's stderr.
 
-    Yield the ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one.
+    Yield the ``progress`` argument for ``run_session``, and the display of the run; ``None`` without one. A vest that
+    is drawn in this terminal takes its place, unless a hand or an arm moves, whose state has to be seen.
     """
+    if config is not None and config.vest.driver == "on-screen-vest" and config.vest.options.terminal is None:
+        enabled = enabled and (config.hand.driver or config.arm) is not None
     if not enabled or not sys.stderr.isatty():
         yield lambda _subject, _done, _total: None, None
         return
@@ -153,7 +158,7 @@ def run_settings(
     with (
         CtrlC() as stop,
         stop_keys(stop, enabled=not as_json, others=others),
-        stage(f"TEGA · {config.name}{keys}", enabled=not as_json) as (progress, display),
+        stage(f"TEGA · {config.name}{keys}", enabled=not as_json, config=settings) as (progress, display),
         ExitStack() as displayed,
     ):
 
