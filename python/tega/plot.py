@@ -58,7 +58,8 @@ def contact(
     if found.in_contact:
         axes.contour(tactile.contact_mask(frame, baseline, reading), [0.5], colors=[_MASK_COLOUR])
         axes.plot(*found.centroid_xy, "+", color=_MASK_COLOUR)
-    axes.set_title(f"EDA {found.eda} px², CCI {found.cci:.3g} grey/px²" if found.in_contact else "no contact")
+    cci = f"CCI {found.cci:.3g} grey/{'px' if reading == 'live' else 'px²'}"
+    axes.set_title(f"EDA {found.eda} px², {cci}" if found.in_contact else "no contact")
     axes.set_axis_off()
     return axes
 

@@ -94,7 +94,7 @@ class Contact(Record, frozen=True, kw_only=True):
         spread: σ: pixels (Eq 3, spatial) or grey values (intensity).
         threshold: T (Eq 4).
         eda: Effective deformation area, pixels above T (Eq 5).
-        cci: Contact concentration index (Eq 6).
+        cci: Contact concentration index (Eq 6); of the metric ``live`` the peak over the root of ``eda``.
         peak: Largest grey value.
         peak_xy: Where that is, column and row.
         cci_norm: CCI as a share of the finger's maximum, 0 to 1.
