@@ -273,7 +273,7 @@ def test_a_vest_keeps_its_ceiling_and_ends_at_0(tmp_path: Path, capsys: pytest.C
         first = Wizard(words, wearer, interrupted)
         first.run(130)
         until(lambda: not any(seen_by(peer).motors))
-        assert f"Go on with: tega-teleop calibrate {file} --person p01" in first.said
+        assert f"Go on with: tega-teleop calibrate {file} --person p01 (with --restart" in first.said
         assert first.reported["finished"] is False
         assert first.reported["done"] == ["vest.places", "vest.threshold"]
         assert "vest: 8 of 8 places named right" in first.said

@@ -60,7 +60,7 @@ class Feature:
             :class:`~tega.records.display.DisplayRow` and :class:`~tega.records.display.DisplayPicture`.
         in_play: Whether its part, with its tables, joins when a recording is played; none that steers or films may.
         played: Player of its recorded topics for ``play``, a ``Player`` of :mod:`tega.recording.replay.followed_file`.
-        formats: Formats of ``recording export`` by name, each called as ``export(recordings, out, **options)``.
+        formats: Formats of ``recording export`` by name, each a :class:`tega.ui.cli.export_format.ExportFormat`.
         streams: Programs for ``run --stream`` by name, each called with the run's bus; returns a context manager that
             has an attribute ``url`` once it is entered.
         extra: Extra of the package that brings the libraries it needs.

@@ -87,7 +87,7 @@ def plan(
 @folder_argument
 @json_option
 def status(*, folder: Path, as_json: bool) -> None:
-    """Show how far everybody is, and which trial comes next. What comes next is not shown to who recruits."""
+    """Show each participant's progress. The next trial is shown once a session has begun, not to the recruiter."""
     from tega_study.journal import events_path, read_events
     from tega_study.plan import read_plan
     from tega_study.state import derive

@@ -50,7 +50,7 @@ def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...
         if not any(part.startswith(subject) for part in have):
             raise ConfigError(
                 f"--only {subject}: the settings have no [{'arm.tracker' if subject == 'arm' else subject}] device",
-                f"they have {', '.join(have)}",
+                f"they have {', '.join(have) or 'no device; to detect some: tega-teleop init'}",
             )
     wanted = tuple(part for part in have if not only or part.split(".")[0] in only)
     if not wanted:

@@ -149,7 +149,7 @@ def calibrate(
             if finished:
                 guide.say(f"Finished. {then}", tone="good")
             elif work.left:
-                left = f"Left: {', '.join(work.left)}. Go on with: {again}"
+                left = f"Left: {', '.join(work.left)}. Go on with: {again} (with --restart all is measured again)"
                 guide.say(f"Done and kept: {done}. {left}", tone="warn")
             if as_json:
                 reported: dict[str, Any] = {"person": person, "folder": str(kept), "refresh": refresh}
