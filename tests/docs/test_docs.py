@@ -96,6 +96,7 @@ def test_a_page_s_python_runs() -> None:
     assert isinstance(packet, bytes)
     assert len(packet) == 20
     assert getattr(python_of("docs/arm.md")["command"], "state", "") == "idle"
+    assert getattr(python_of("docs/emg.md")["levels"], "shape", None) == (40,)
     assert getattr(python_of("docs/evidence/sim.md")["emg_uv"], "shape", None) == (10, 3)
 
 
