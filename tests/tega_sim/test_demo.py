@@ -91,10 +91,13 @@ def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
 
 
 def test_the_demo_prints_a_page_without_keyboard(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _print(dropped(), real_time=False)
+    report = dropped()
+    report.trials.append(trial_result(success=False, lift_off_s=None, mean_level=0.0, slid_m=0.0))
+    _print(report, real_time=False)
     page = capsys.readouterr().out
     for word in ("bag", "dropped", "slip of 12.0 mm at 4.00 s", "10.0 times as fast"):
         assert word in page
+    assert page.count("–") == 2  # neither a time of lift-off nor a level without it
     call(capsys, "demo", "--fast", "--operator", "keyboard", "--out", tmp_path, code=2)
 
 

@@ -330,7 +330,7 @@ def test_the_terminal_is_put_back_however_it_ends() -> None:
 def test_a_file_is_not_a_keyboard(tmp_path: Path) -> None:
     with (
         (tmp_path / "input").open("w+") as file,
-        pytest.raises(DeviceUnavailableError, match="not a terminal"),
+        pytest.raises(DeviceUnavailableError, match="not a terminal; run"),
     ):
         Keys(file.fileno()).__enter__()
 

@@ -36,7 +36,7 @@ class Keys:
                 self._before = termios.tcgetattr(self._fd)
             except (OSError, ValueError, termios.error) as error:
                 raise DeviceUnavailableError(
-                    f"keys cannot be read: standard input is not a terminal ({error})",
+                    "keys cannot be read: standard input is not a terminal",
                     "run it in a terminal, without redirecting its input",
                 ) from error
             tty.setcbreak(self._fd)

@@ -232,7 +232,7 @@ def _print(report: DemoReport, *, real_time: bool) -> None:
             "time s": lambda trial: f"{trial.duration_s:.1f}",
             "lift-off s": lambda trial: "–" if trial.lift_off_s is None else f"{trial.lift_off_s:.1f}",
             "slid mm": lambda trial: f"{1000 * trial.slid_m:.1f}",
-            "level": lambda trial: f"{trial.mean_level:.1f}",
+            "level": lambda trial: "–" if trial.lift_off_s is None else f"{trial.mean_level:.1f}",
             "peak N": lambda trial: f"{trial.peak_force_n:.1f}",
         },
     )
