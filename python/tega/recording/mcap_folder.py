@@ -68,7 +68,11 @@ class SessionFolder:
                 f"session folder {path.name!r} is not empty and holds no session",
                 "name a new or empty folder, or one with the session.json of an earlier recording",
             )
-        path.mkdir(parents=True, exist_ok=True)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"{path}: no folder can be made there: {error.strerror}"
+            raise RecordingError(problem, "name a folder that you may write to") from error
         self.unfinished: list[Path] = []
         self._to_read = to_read
         self.recovered = self._recover()

@@ -192,9 +192,7 @@ def test_what_was_found_on_another_device_is_not_gone_on_with(tmp_path: Path) ->
         work.run(parts_of(config))
     assert work.left == ["tactile.thumb"]
     assert work.done == ("emg.rest",)
-    with pytest.raises(
-        ConfigError, match=r"--only vest: the settings have no \[vest\] device; they have no device"
-    ):
+    with pytest.raises(ConfigError, match=r"--only vest: .* no \[vest\] device; they have no device"):
         parts_of(SessionConfig(), ["vest"])
 
 

@@ -292,6 +292,8 @@ def test_what_the_process_refuses_is_raised_here(tmp_path: Path) -> None:
     folder = SessionFolder(tmp_path / "session")
     (tmp_path / "session").rmdir()
     (tmp_path / "session").write_text("not a folder")
+    with pytest.raises(RecordingError, match="session/monday: no folder can be made there: Not a directory"):
+        SessionFolder(tmp_path / "session/monday")
     with pytest.raises(ConfigError, match="session folder 'session' is a file"):
         RecorderProcess(folder, SETTINGS, realtime=False)
 
