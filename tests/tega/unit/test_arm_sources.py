@@ -260,10 +260,10 @@ def test_forward_is_found_and_checked_and_the_operator_sees_what_to_set(tmp_path
 @emulated
 @pytest.mark.slow
 def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Path) -> None:
-    words = ["--person", "p01", "--only", "arm", "--time-scale", "0.1", "--json"]
+    words = ["--person=p01", "--only=arm", "--time-scale=0.1", "--json", "--set=vest.driver=on-screen-vest"]
     with moving(tmp_path) as file:
         text = CliRunner().invoke(calibrate, [str(file), *words], input="\n\nt\n")
-        assert text.exit_code == 0, text.output
+        assert (text.exit_code, "Finished. tega-teleop doctor " in text.output) == (0, True), text.output
         (kept,) = (tmp_path / "calibrations" / "people" / "p01").glob("arm-*.toml")
         record = read_record(kept, ArmRecord)
         assert record.yaw_rad == pytest.approx(0.5, abs=0.03)

@@ -129,7 +129,8 @@ def calibrate(
     given = (*(("--only", name) for name in only), *(("--set", one) for one in sets))
     same = [word for words in given for word in words]
     again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
-    then = shlex.join(["tega-teleop", "run", str(settings), "--person", person, *where])
+    verb = "run" if parts == parts_of(config) else "doctor"  # which names the parts that are left
+    then = shlex.join(["tega-teleop", verb, str(settings), "--person", person, *where])
     with guided("TEGA calibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
         sitting = Sitting(config, person, home, guide, times, utc_now)
         work = Calibrating(
