@@ -8,7 +8,8 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from typing import Any, BinaryIO
+from contextlib import suppress
+from typing import Any
 
 from tega.config import RecordingSection
 from tega.errors import RecordingError
@@ -29,15 +30,12 @@ class McapRecorder:
     """Writes one trial of a session.
 
     When the disk is full, or nearly so, the recording stops and reports it; the run continues, and further
-    records are dropped and counted, by topic. ``raw`` is something else to write to than a file in the
-    folder.
+    records are dropped and counted, by topic.
 
     ``state`` is ``recording``, ``stopped`` (for ``reason``) or ``complete``, when ``path`` is the file.
     """
 
-    def __init__(
-        self, folder: SessionFolder, settings: RecordingSection, *, raw: BinaryIO | None = None
-    ) -> None:
+    def __init__(self, folder: SessionFolder, settings: RecordingSection) -> None:
         self._folder = folder
         self._settings = settings
         self.path = folder.new_trial()
@@ -47,7 +45,6 @@ class McapRecorder:
             lossless=settings.lossless,
             jpeg_quality=settings.jpeg_quality,
             most_bytes=round(settings.queue_mib * _MIB),
-            raw=raw,
         )
         self._lock = threading.RLock()  # a line of the log about the recording is a record too
         self.state, self.reason = "recording", ""
@@ -110,6 +107,9 @@ class McapRecorder:
         with self._lock:
             if self.state == "recording":
                 self._close_file(summary)
+            if self.state == "stopped":
+                with suppress(Exception):  # why it stopped is known; the file and its thread must not be kept
+                    self._file.close()
         facts = {
             "state": self.state,
             "reason": self.reason,
@@ -119,7 +119,7 @@ class McapRecorder:
             "written": dict(sorted(self._written.items())),
             "dropped": dict(sorted(self._dropped.items())),
         }
-        name = self.path.name if self.state == "complete" or self.path.exists() else self._part.name
+        name = (self.path if self.path.exists() else self._part).name
         try:
             self._folder.note(self.path.name, {**facts, "path": name})
         except (OSError, RecordingError) as error:  # a full disk has no room for the index either
@@ -215,14 +215,14 @@ class McapRecorder:
             self._file.metadata("dropped", dropped)
             self._file.metadata("end", {"state": "complete"})
             self._file.close()
+            if (failed := self._file.disk.error) is None:
+                self._part.replace(self.path)
         except Exception as error:  # told; the file is finished at the next start
             self._stop(f"the file could not be finished: {type(error).__name__}: {error}")
             return
-        if (failed := self._file.disk.error) is not None:
+        if failed is not None:
             self._stop(f"the disk took no more: {failed.strerror or failed}")
             return
-        if self._part.exists():
-            self._part.replace(self.path)
         self.state = "complete"
 
     def _stop(self, reason: str) -> None:

@@ -7,7 +7,7 @@ import os
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -169,8 +169,7 @@ class McapFile(RecordChannels):
     """A file that grows by items; ``path`` must not exist. ``disk`` knows its size, and an error that ends it.
 
     Pictures are kept as they are (``lossless``), else as JPEG of ``jpeg_quality``, 1 to 100. At most
-    ``most_bytes`` wait in memory for the disk. ``raw`` is another target, opened for writing without a
-    buffer.
+    ``most_bytes`` wait in memory for the disk.
     """
 
     def __init__(
@@ -180,12 +179,11 @@ class McapFile(RecordChannels):
         lossless: bool,
         jpeg_quality: int = 95,
         most_bytes: int = 128 * 1024 * 1024,
-        raw: BinaryIO | None = None,
     ) -> None:
         super().__init__(lossless=lossless, jpeg_quality=jpeg_quality, cells=True)
         options = require("foxglove.mcap", driver="recording", extra="record")
         try:
-            self._raw = path.open("xb", buffering=0) if raw is None else raw
+            self._raw = path.open("xb", buffering=0)
         except OSError as error:
             raise RecordingError(
                 f"{path.name}: cannot be made: {error.strerror}", f"looked at {path.parent}"
@@ -227,7 +225,9 @@ class McapFile(RecordChannels):
         """Write the index and close the file."""
         try:
             self._writer.close()
-            self.disk.close()
         finally:
-            with contextlib.suppress(OSError):
-                self._raw.close()
+            try:
+                self.disk.close()
+            finally:
+                with contextlib.suppress(OSError):
+                    self._raw.close()

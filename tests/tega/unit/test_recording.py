@@ -5,32 +5,34 @@ from __future__ import annotations
 import json
 import os
 import signal
-import subprocess
 import sys
 import tomllib
 from contextlib import nullcontext, suppress
+from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar, cast
+from unittest.mock import Mock
 
 import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
+from msgspec.structs import replace
 
 from reference.command import call
+from reference.installed import program
 from reference.parts import observed
 from reference.played import finger, muscles
 from reference.processes import until
 from reference.sessions import tree
 from tega.config import RecordingSection, check_tree
-from tega.config.attached import config_text
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError, TegaError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.snapshot import LoopView
-from tega.recording import recorder_process
+from tega.recording import mcap_recorder, recorder_process
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import McapReader
@@ -39,6 +41,8 @@ from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.recorder_process import RecorderProcess
 from tega.recording.replay import replay_file
 from tega.records import BusFrame, Contact, HandCommand, Intent, Marker, Picture
+from tega.records.base import Ns, Record
+from tega.records.run import RecorderStatus, RunState
 from tega.records.table import columns, numbers, rows
 from tega.runtime.files.csv_tables import time_text
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -70,11 +74,6 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
     assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
     assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
     assert (found["ended"], found["complete"]) == ("complete", True)
-
-
-def test_settings_survive_being_written_down(tmp_path: Path) -> None:
-    config = check_tree(tree(tmp_path), {}, base=tmp_path).config
-    assert check_tree(tomllib.loads(config_text(config)), {}, base=Path("/")).config == config
 
 
 @pytest.mark.slow
@@ -170,6 +169,76 @@ SETTINGS = RecordingSection(lossless=True, stop_free_mib=0.0, warn_free_mib=0.0)
 def picture(k: int) -> Picture:
     image = np.random.default_rng(k).integers(0, 255, (320, 240, 3), dtype=np.uint8)
     return Picture(finger="thumb", image=image, t_ns=k, received_ns=k, seq=k, name="")
+
+
+class Own(Record, frozen=True, kw_only=True):
+    topic: ClassVar[str] = "/own"
+    t_ns: Ns
+
+
+NO_SPACE, WRONG = OSError(28, "no space"), cast("str", 3)
+FULL = Mock(side_effect=NO_SPACE)
+
+
+@pytest.mark.parametrize(
+    ("refused", "error", "stops"),
+    [
+        (Own(t_ns=0), NO_SPACE, True),
+        (Own(t_ns=0), ValueError(), False),
+        (Marker(t_ns=0, text=""), ValueError(), True),
+        (Marker(t_ns=0, text=WRONG), TypeError(), False),
+    ],
+)
+def test_a_record_that_cannot_be_written_stops_the_recording_or_costs_itself(
+    tmp_path, monkeypatch, caplog, refused, error, stops
+):
+    recorder = McapRecorder(SessionFolder(tmp_path), replace(SETTINGS, warn_free_mib=1e9))
+    recorder.begin(0, 0)
+    write, reported = recorder._file.write, list[RecorderStatus]()
+
+    def write_others(record: Record, t_ns: int) -> None:
+        if record is refused and not isinstance(error, TypeError):  # which is the encoder's own
+            raise error
+        if isinstance(record, RecorderStatus):
+            reported.append(record)
+        write(record, t_ns)
+
+    monkeypatch.setattr(recorder._file, "write", write_others)
+    monkeypatch.setattr(mcap_recorder, "FLUSH_NS", 0)
+    for record in (refused, refused, RunState(t_ns=3, state="idle", reason="")):
+        recorder.put(record)
+    assert {one.dropped_counts for one in reported} == (set() if stops else {(1,), (2,)})
+    full = NO_SPACE if stops else RecordingError("damaged")
+    monkeypatch.setattr(SessionFolder, "note", Mock(side_effect=full))
+    facts = recorder.finish()
+    problem = f"{refused.topic} could not be written: {type(error).__name__}: {error}"
+    assert (facts["reason"], recorder.problem()) == ((problem, f"stopped: {problem}") if stops else ("", ""))
+    assert facts["dropped"] == ({refused.topic: 1, "/run/state": 1} if stops else {refused.topic: 2})
+    assert caplog.text.count(problem) == 1
+    assert caplog.text.count("MiB left on the disk") == (not stops)
+    assert f"the index could not be written: {full}" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "broken", "n", "reason"),
+    [
+        ("_file.disk", "_raw", Mock(write=FULL), 0, "the disk took no more: no space"),
+        ("_folder", "path", Path("/dev/null/gone"), 1, "the file could not be flushed: "),
+        ("", "_part", Path("/dev/null/gone"), 1, "the file could not be finished: "),
+        ("_file", "_writer", Mock(close=FULL), 1, "the file could not be finished: OSError"),
+    ],
+)
+def test_a_file_that_cannot_be_finished_is_not_called_complete(tmp_path, part, name, broken, n, reason):
+    recorder = McapRecorder(SessionFolder(tmp_path), SETTINGS)
+    setattr(attrgetter(part)(recorder) if part else recorder, name, broken)
+    recorder.begin(0, 0)
+    for _ in range(n):
+        recorder.put(Marker(t_ns=1, text=""))
+    facts = recorder.finish()
+    assert facts["reason"].startswith(reason)
+    assert (facts["state"], facts["file"]) == ("stopped", recorder._part.name)
+    assert (recorder._file._raw.closed, recorder._file.disk._thread.is_alive()) == (True, False)
+    recorder.leave()
 
 
 def begun(folder: Path, settings: RecordingSection = SETTINGS) -> RecorderProcess:
@@ -273,14 +342,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def test_what_had_left_a_killed_run_is_written(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", KILLED, str(tmp_path), *map(str, Path(__file__).parents[:3:2])],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=60,
-    )
-    assert done.returncode == -signal.SIGKILL, done.stderr
+    program(sys.executable, "-c", KILLED, tmp_path, *Path(__file__).parents[:3:2], code=-signal.SIGKILL)
     (recovered,) = SessionFolder(tmp_path).recovered  # which waits for the process to leave the file
     found = {stream.topic: stream.messages for stream in inspect_file(recovered.path).streams}
     # What the run was just sending is lost with it: at most one part of 4 MiB.
