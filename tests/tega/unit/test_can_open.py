@@ -8,16 +8,23 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
+from types import SimpleNamespace
 from typing import Any
 from unittest.mock import Mock
 
 import can
 import pytest
 
+from reference.hand import stuck_hand
+from tega.devices.hand import hand_loop
+from tega.devices.hand.allegro import Allegro
+from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.can_open import open_can_bus, slcan_bus
 from tega.devices.hand.hand_bus import HandBus
+from tega.devices.hand.hand_reports import HandAlert, HandNews, HandOrders
 from tega.devices.hand.python_can import PythonCan, PythonCanOptions
 from tega.errors import DeviceUnavailableError
+from tega.runtime.clock import Standstill
 from tega.wire import CanFrame
 
 _ABSENT = sorted(set(can.VALID_INTERFACES) - {"virtual", "udp_multicast"})
@@ -77,6 +84,31 @@ def test_nothing_leaks_from_a_library_that_fails_later() -> None:
     assert bus.n_unsent == 1
     assert bus.receive(may_reopen=False) == []
     assert "the adapter failed: canRead" in bus.trouble
+
+
+def test_torques_that_the_adapter_does_not_take_are_named_and_answer_nothing(monkeypatch) -> None:
+    reported, alert = list[Any](), HandAlert()
+    options = AllegroOptions(interface="virtual", channel="", guard=False)
+    loop = hand_loop.HandLoop(options, HandOrders(), lambda *both: reported.append(both))
+    loop.warm_up()
+    loop._bus._bus = Mock(spec=["send"], send=Mock(side_effect=OSError("full")))
+    for t_ns in range(0, 300_000_000, 3_000_000):
+        now = SimpleNamespace(monotonic_ns=lambda t_ns=t_ns: t_ns, thread_time=float)
+        monkeypatch.setattr(hand_loop, "time", now)
+        loop._exchange(stuck_hand(t_ns // 3_000_000), Standstill(1.0))
+    looks = [alert._check(news) for _, news in reported if news.state.phase == "running"]
+    assert looks[-1] == "hand: its adapter does not take frames, so it keeps its last torques"
+    answers = [one.left_ns for spoken, _ in reported for one in spoken if len(one.out) == 4]
+    assert set(answers) == {0}
+
+
+def test_a_hand_whose_process_reports_nothing_is_told() -> None:
+    hand: Any = Allegro(AllegroOptions(interface="virtual", channel=""))
+    hand._end = Mock()
+    hand._take([], HandNews(Mock(phase="silent")))
+    assert hand.problem.startswith("hand: silent")
+    hand._received_s -= 2.0
+    assert hand.problem == "hand: its process reports nothing"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="terminals have other names")
@@ -167,21 +199,10 @@ def test_an_adapter_that_is_gone_is_an_error_and_no_silence(line: tuple[int, Any
         os.close(null)
 
 
-def test_a_frame_is_on_its_way_whether_or_not_the_adapter_reads(line: tuple[int, Any]) -> None:
-    ours, bus = line
-    message = can.Message(arbitration_id=0x081, data=bytes(7) + b"\x01", is_extended_id=False)
-    bus.send(message, timeout=0.05)
-    reported = b""
-    while not reported.endswith(FRAMES[1]):  # after what it was told when it was opened, in any pieces
-        reported += os.read(ours, 4096)
-    assert reported.count(b"t") == 1
-
-    def fill() -> None:
-        for _ in range(10_000):  # more than a system keeps for one that reads nothing
-            bus.send(message, timeout=0.05)
-
-    with pytest.raises(can.CanOperationError):
-        fill()
+def test_an_adapter_that_reads_nothing_is_an_error(line: tuple[int, Any]) -> None:
+    message = can.Message(arbitration_id=0x081, data=bytes(8), is_extended_id=False)
+    with pytest.raises(can.CanOperationError):  # more than a system keeps for one that reads nothing
+        any(line[1].send(message, timeout=0.05) for _ in range(10_000))
 
 
 def test_frames_that_are_sent_together_are_written_together(

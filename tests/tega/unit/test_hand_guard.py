@@ -29,14 +29,6 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
-def test_a_killed_or_frozen_program_does_not_leave_the_hand_pushing(how: signal.Signals) -> None:
-    with Emulator("allegro_port") as hand, steering(hand) as running:
-        running.send_signal(how)
-        until(lambda: limp(hand))
-        until(lambda: not hand.say("look")["reports"])
-
-
-@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         (steers,) = begun_by(running.pid, "tega.devices.hand.hand_program")

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tega.devices.at_exit import closes_on_exit, last_words, release
 from tega.devices.base import DeviceInfo, Found, Kind, Options
 from tega.devices.hand.allegro_options import BITRATE, AllegroOptions
+from tega.devices.hand.guard_process import STUCK_S
 from tega.devices.hand.hand_bus import bus_label
 from tega.devices.hand.hand_reports import LET_GO, HandAlert, HandNews
 from tega.devices.machine import can_links, link_trouble
@@ -110,6 +111,8 @@ class Allegro(Opened):
     @property
     def problem(self) -> str:
         """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
+        if self._end is not None and time.monotonic() - self._received_s > STUCK_S:
+            return "hand: its process reports nothing"
         return self._alert(self._seen)
 
     def warm_up(self) -> None:
@@ -136,7 +139,7 @@ class Allegro(Opened):
         self._ready.clear()
         process = warm or HandProcess(self._options, self._take)
         process.open(whole=self.on_exchange is not None)
-        self._end = process
+        self._end, self._received_s = process, time.monotonic()
         # A program that ends without closing must not leave the fingers pushing.
         closes_on_exit(self.close)
         try:

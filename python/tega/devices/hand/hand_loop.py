@@ -121,7 +121,7 @@ class HandLoop:
         out = link.exchange(frames, t_ns, level, added)
         pushes = link.phase in {"running", "releasing"}
         taken = self._bus.send(out, outdated=standstill.is_over if pushes else None) if out else []
-        answers = len(out) >= 4 and link.phase == "running"
+        answers = len(taken) >= 4 and link.phase == "running"
         left_ns = time.monotonic_ns() if answers else 0
         if link.phase == "silent" != before:
             # Whoever else let go of the hand, as the guard does, has closed the adapter behind itself.

@@ -121,6 +121,12 @@ _WORDS = {
     "copies": "frames come twice",
     "late": "its positions come late",
 }
+_OF_ADAPTER = {
+    "garbled": "its adapter sends noise",
+    "unsent": "its adapter does not take frames, so it keeps its last torques",
+}
+# A set of torques is one frame to each finger.
+_FRAMES_A_SET = 4
 
 
 class HandAlert:
@@ -147,10 +153,11 @@ class HandAlert:
         state = seen.state
         if state.phase in {"silent", "listening", "identifying", "checking"}:
             return "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
-        counts = {name: getattr(state.counts, name) for name in _WORDS} | {"garbled": seen.n_garbled}
+        counts = {name: getattr(state.counts, name) for name in _WORDS}
+        counts |= {"garbled": seen.n_garbled, "unsent": seen.n_unsent // _FRAMES_A_SET}
         before, self._counts = self._counts, counts
         more = {name: n - before.get(name, n) for name, n in counts.items()}
         name = max(more, key=lambda name: more[name])
         if more[name] < _MANY:
             return ""
-        return f"hand: {_WORDS.get(name, 'its adapter sends noise')}"
+        return f"hand: {(_WORDS | _OF_ADAPTER)[name]}"
