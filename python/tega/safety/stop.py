@@ -53,7 +53,7 @@ _PATIENCE_S = 1.0
 class CtrlC(Stop):
     """Turns the first Ctrl-C (or request to terminate) into a stop that the loop polls, which leaves all silent.
 
-    Further ones do nothing; the first after a second interrupts whatever hangs.
+    After a stop, from wherever it came, further ones do nothing; the first after a second interrupts whatever hangs.
     """
 
     def __init__(self) -> None:
@@ -63,10 +63,15 @@ class CtrlC(Stop):
         self._requested_s = 0.0
         self._interrupted = False
 
+    def ask(self, reason: str) -> None:
+        """Ask for the end; the first reason counts."""
+        if not self.requested:
+            self._requested_s = time.monotonic()
+        super().ask(reason)
+
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         if not self.requested:
             self.ask("Ctrl-C" if number == signal.SIGINT else signal.Signals(number).name)
-            self._requested_s = time.monotonic()
             if self._at_once:
                 self._interrupted = True
                 raise KeyboardInterrupt

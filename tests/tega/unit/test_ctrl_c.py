@@ -13,15 +13,17 @@ from tega.safety import stop as stopping
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals as on Linux and macOS")
-@pytest.mark.parametrize("at_once", [False, True])
-def test_one_of_several_interrupts_and_no_other(monkeypatch: pytest.MonkeyPatch, at_once: bool) -> None:
+@pytest.mark.parametrize("first", ["Ctrl-C", "the page", "at once"])
+def test_one_of_several_interrupts_and_no_other(monkeypatch: pytest.MonkeyPatch, first: str) -> None:
     now_s = [3.0]
     monkeypatch.setattr(stopping, "time", SimpleNamespace(monotonic=lambda: now_s[0]))
     with stopping.CtrlC() as stop:
-        if at_once:
+        if first == "at once":
             with pytest.raises(KeyboardInterrupt), stop.interrupting():
                 os.kill(os.getpid(), signal.SIGINT)
         else:
+            stop.also(lambda: first.removeprefix("Ctrl-C"))
+            assert stop() == (first == "the page")
             for now_s[0] in (3.0, 3.5, 4.0):
                 os.kill(os.getpid(), signal.SIGINT)
                 assert stop.requested
@@ -30,4 +32,5 @@ def test_one_of_several_interrupts_and_no_other(monkeypatch: pytest.MonkeyPatch,
                 os.kill(os.getpid(), signal.SIGINT)
         now_s[0] = 9.0
         os.kill(os.getpid(), signal.SIGINT)
-        assert stop.requested
+        assert stop()
+        assert stop.reason == first.replace("at once", "Ctrl-C")
