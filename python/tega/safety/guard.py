@@ -207,7 +207,7 @@ class Guard:
             self.alert(name, wrong.get(name, ""))
         for name, reports in self._alerts.items():
             self.alert(name, reports())
-        if unvoted is not None:
+        if unvoted is not None and self.state == "active":  # else no level is passed on
             self.level(unvoted)
         self._states.check(t_ns, wrong=wrong, holding=holding, go=self._go())
 
