@@ -140,7 +140,9 @@ class Steering:
         except BaseException as error:  # told while the run lasts; the arm rests by itself
             self._error = f"arm: no longer led: {error}"
         is_stopped = self._command is not None and self._command.state == "stopped"
-        self._take(Turn(time.monotonic_ns(), stopped="" if is_stopped else "the run has ended"))
+        self._take(
+            Turn(time.monotonic_ns(), stopped="" if is_stopped else self._error or "the run has ended")
+        )
 
     def turn(self, now_ns: int, measured: StampedPose | None, *, may_move: bool) -> ArmCommand:
         """Take in poses and switches, and send one command."""

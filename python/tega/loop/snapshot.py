@@ -193,6 +193,9 @@ class Moments:
                 vest=vest,
                 command=0.0,
                 target_rad=None,
+                arm=view.arm and "led no more: the run has ended",
+                seen_arm=None,
+                reflex="",
                 alerts=(*view.alerts, *(f"on the way out: {problem}" for problem in problems)),
             )
             self._bus.publish(Snapshot(t_ns=self._displayed.t_ns, view=view))

@@ -7,18 +7,23 @@ from collections import defaultdict
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 from rich.console import Console
 
+from reference.parts import observed
 from tega.arm.messages import Health
-from tega.config import check_tree, load_config
+from tega.config import ArmConfig, check_tree, load_config
 from tega.devices.input.spacemouse import SpaceMouse
 from tega.errors import ConfigError
 from tega.loop import run_session
+from tega.loop.arm import Steering
 from tega.loop.arm_records import ArmView
-from tega.loop.snapshot import LoopView
+from tega.loop.snapshot import LoopView, Moments, Snapshot
 from tega.recording.replay.play import _settings
+from tega.records.bus import Bus
+from tega.safety.guard import Guard
 from tega.setup.doctor import Finding, examine, lab_settings
 from tega.ui.cli.main import main
 from tega.ui.view.browser.state_html import arm_html
@@ -113,10 +118,22 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
     unseen = view._replace(arm="idle: <who> knows", seen_arm=None)
     assert arm_html(unseen).endswith("<b>arm</b> idle: &lt;who&gt; knows</div>")
     assert arm_html(unseen._replace(arm="")) == ""
-    # The page stays open when nobody serves it any more: it must not go on saying that the arm follows.
-    ended = arm_html(view._replace(state="stopped"))
-    assert "led no more" in ended
-    assert "HOLDING" not in ended
+    # Displays keep the last moment: not that the arm follows, or that the reflex adds.
+    moments, views = Moments(Bus(), guard=Guard()), list[LoopView]()
+    moments._displayed = Snapshot(t_ns=0, view=view._replace(reflex="+1.00 levels added"))
+    observed(views.append, moments._bus)
+    moments.stopped(None, [])
+    assert views[0].reflex == ""
+    assert arm_html(views[0]).endswith("<b>arm</b> led no more: the run has ended</div>")
+
+
+def test_an_arm_whose_poses_cannot_be_read_is_stopped_for_that_reason() -> None:
+    arm: Any = Mock(phase="ready", problem="", health=Health(), measured=lambda: None)
+    arm.read.side_effect = OSError("unplugged")
+    steering = Steering(ArmConfig(driver="simulated-arm"), arm, arm, tracker=None, led_by=arm.info, seats={})
+    steering._run(bool)
+    view = steering.displayed(LoopView(0, {}, None, None, None, {}))
+    assert view.arm.startswith("stopped: arm: no longer led: unplugged (ready, ")
 
 
 _HELD = ("input.dead_man.driver=spacemouse", "input.dead_man.options.silent_after_ms=1000")

@@ -187,9 +187,6 @@ def lights_html(state: ViewState) -> str:
 def arm_html(view: LoopView) -> str:
     """Return the arm's state as HTML, in the style of the run's; empty without an arm."""
     style = f"{FONT};margin:4px 10px;line-height:1.6"
-    if view.state == "stopped" and view.arm:
-        # The last moment is from before the arm was let go, and the page stays open.
-        return f'<div style="{style}"><b>arm</b> led no more: the run has ended</div>'
     if (arm := view.seen_arm) is None:
         return f'<div style="{style}"><b>arm</b> {escape(view.arm)}</div>' if view.arm else ""
     health = arm.health
