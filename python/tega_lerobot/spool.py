@@ -49,7 +49,8 @@ def _folder_named() -> Iterator[None]:
     try:
         yield
     except OSError as error:
+        folder = tempfile.tempdir or "temporary files"  # none can be used
         raise RecordingError(
-            f"{tempfile.gettempdir()}: {error.strerror or error}, where an export keeps some 250 MB an hour",
+            f"{folder}: {error.strerror or error}, where an export keeps some 250 MB an hour",
             "make room, or name a folder with more in the variable TMPDIR",
         ) from error

@@ -291,7 +291,9 @@ def test_numbers_of_a_long_episode_wait_on_disk() -> None:
         stream.add(n, (0.5,) * 5)
 
 
-def test_a_folder_without_room_for_numbers_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "gone"))
-    with pytest.raises(RecordingError, match=r"gone: No such.*TMPDIR"):
-        Spool(np.float32).add(np.zeros(100_000, np.float32))
+def test_a_folder_without_room_for_numbers_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile._candidate_tempdir_list", lambda: ["/gone"])
+    for folder, named in (("/gone", "/gone: No such"), (None, "temporary files: No usable")):
+        monkeypatch.setattr("tempfile.tempdir", folder)
+        with pytest.raises(RecordingError, match=rf"{named}.*TMPDIR"):
+            Spool(np.float32).add(np.zeros(100_000, np.float32))
