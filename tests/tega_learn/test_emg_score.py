@@ -11,13 +11,7 @@ from reference.squeezes import squeezes
 from tega.emg import Preset
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 from tega.ui.cli.main import main
-from tega_learn.score import (
-    DecoderFigures,
-    changes_per_second,
-    delay_s,
-    rank_correlation,
-    score_recording,
-)
+from tega_learn.score import DecoderFigures, changes_per_second, delay_s, rank_correlation, score_recording
 
 Scores = dict[str, dict[Preset, DecoderFigures]]
 RECORDINGS = ("v1", "v2", "v8", "v10")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -13,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.installed import program
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent
 from tega.wire import AsciiEmgDecoder, ChordsDecoder, CytonDecoder, SpikerDecoder
 from tega_sim.gel import Gel, ball
@@ -106,11 +106,7 @@ def test_threads_that_cannot_start_lose_no_frame() -> None:
     )
 
     def answer(**more: str) -> str:
-        done = subprocess.run(
-            [sys.executable, "-c", ask], env=os.environ | more, capture_output=True, text=True, check=False
-        )
-        assert done.returncode == 0, done.stderr
-        return done.stdout
+        return program(sys.executable, "-c", ask, env=os.environ | more).stdout
 
     assert answer(RUST_MIN_STACK=str(2**50)) == answer()
 

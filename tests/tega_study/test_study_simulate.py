@@ -21,6 +21,7 @@ pytest.importorskip("statsmodels", reason="needs the extra tega[study]")
 
 import numpy as np
 
+from reference.installed import program
 from reference.processes import until
 from reference.study_bench import files_of
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
@@ -263,13 +264,7 @@ print(own, report, *{"statsmodels", "matplotlib"} & set(sys.modules), file=sys.s
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="/proc tells the memory of a process")
 def test_neither_the_sessions_nor_the_report_take_more_than_250_mb(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *STUDY, str(tmp_path / "s")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
+    done = program(sys.executable, "-c", PROGRAM, *STUDY, tmp_path / "s")
     assert (tmp_path / "s" / "report.html").is_file()
     assert done.stdout.startswith(str(tmp_path / "s" / "report.html"))
     own, report, *loaded = done.stderr.splitlines()[-1].split()

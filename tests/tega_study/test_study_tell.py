@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import subprocess
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ from typing import Any
 import pytest
 
 from reference.command import call
+from reference.installed import program
 from reference.processes import until
 from reference.scripted import touching
 from reference.study_bench import ScriptedDesk, StandingBench, study, trial_led
@@ -44,11 +44,8 @@ def phase(folder: Path) -> str:
 
 
 def reported(folder: Path, command: str) -> str:
-    words = [sys.executable, "-m", "tega.ui.cli", "study", "tell", str(folder), "p01", command, "--json"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-    message: str = json.loads(done.stdout)["phase"]
-    return message
+    words = (sys.executable, "-m", "tega.ui.cli", "study", "tell", folder, "p01", command, "--json")
+    return str(json.loads(program(*words).stdout)["phase"])
 
 
 @pytest.mark.slow

@@ -128,13 +128,8 @@ def ticks(*at_ms: int) -> list[Record]:
 
 
 def target(at_ms: int, x_m: float) -> ArmTarget:
-    return ArmTarget(
-        t_ns=at_ms * _MS,
-        taken_ns=at_ms * _MS,
-        frame="arm_base",
-        position=(x_m, 0.0, 0.3),
-        quaternion=(0.0, 0.0, 0.0, 1.0),
-    )
+    t_ns, there = at_ms * _MS, {"position": (x_m, 0.0, 0.3), "quaternion": (0.0, 0.0, 0.0, 1.0)}
+    return ArmTarget(t_ns=t_ns, taken_ns=t_ns, frame="arm_base", **there)
 
 
 def test_a_gap_in_the_loop_s_ticks_is_one_though_other_records_go_on(tmp_path: Path) -> None:

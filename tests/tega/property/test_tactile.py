@@ -15,12 +15,7 @@ from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
 from reference.extremes import Extreme, relative
-from tega.tactile import (
-    ContactGate,
-    ContactMetrics,
-    contact_metrics,
-    read_contact,
-)
+from tega.tactile import ContactGate, ContactMetrics, contact_metrics, read_contact
 from tega_figures.exact import ExactContact, exact_contact, exact_paper, printed
 
 Image = NDArray[np.uint8]
@@ -67,11 +62,7 @@ def error(got: ContactMetrics, exact: ExactContact) -> float:
     """Return the worst number's share of what it should be."""
     if (got.in_contact, got.eda, got.peak_xy) != (exact.in_contact, exact.eda, exact.peak_xy):
         return float("inf")
-    errors = [
-        relative(got.mass, exact.mass),
-        relative(got.peak, exact.peak),
-        relative(got.cci, exact.cci),
-    ]
+    errors = [relative(got.mass, exact.mass), relative(got.peak, exact.peak), relative(got.cci, exact.cci)]
     if exact.centroid_xy is None or exact.spread is None or exact.threshold is None:
         return max(errors) if np.isnan([*got.centroid_xy, got.spread, got.threshold]).all() else float("inf")
     for centre, true in zip(got.centroid_xy, exact.centroid_xy, strict=True):

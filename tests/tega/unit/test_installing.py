@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 import pytest
 
 import tega
+from reference.installed import program
 from tega.config import load_config
 from tega.config.errors import CONSTANTS, REMOVED
 from tega.errors import ConfigError, InvalidValueError, MissingExtraError
@@ -47,10 +48,7 @@ def test_without_rust_pip_is_told_so_in_one_sentence(tmp_path: Path, monkeypatch
     code = f"import sys; sys.path[:0] = {system['backend-path']!r}; import {system['build-backend']}"
     monkeypatch.setenv("PATH", str(tmp_path))
     assert shutil.which("cargo") is None
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=PROJECT, capture_output=True, text=True, check=False
-    )
-    assert done.returncode == 1
+    done = program(sys.executable, "-c", code, folder=PROJECT, code=1)
     (sentence,) = done.stderr.splitlines()
     assert "no program `cargo` on the PATH" in sentence
     oldest = toml("Cargo.toml")["workspace"]["package"]["rust-version"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import random
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from reference.installed import program
 from reference.vest_bench import HandedOver
 from tega.config import check_tree
 from tega.config.person import MotorOnset
@@ -305,9 +305,7 @@ def test_a_run_traces_both_ways(tmp_path: Path) -> None:
 @pytest.mark.parametrize("preset", ["live", pytest.param("paper", marks=pytest.mark.deep)])
 def test_bench_loop_tells_every_stage(preset: str) -> None:
     words = [sys.executable, "-m", "tega.ui.cli", "bench", "loop", "--seconds", "3", "--preset", preset]
-    message = json.loads(
-        subprocess.run([*words, "--json"], capture_output=True, text=True, check=True).stdout
-    )
+    message = json.loads(program(*words, "--json").stdout)
     assert message["preset"] == preset
     assert set(message["latency_ms"]["touch"]) == set(TOUCH_STAGES)
     assert set(message["latency_ms"]["intent"]) == set(INTENT_STAGES)
