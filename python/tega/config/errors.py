@@ -134,9 +134,8 @@ def explain(
             text = f"{_origin(origins, full)}: {full} was taken out in 0.3"
             return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]:g}")
         fields = [*_fields_at(kind), *(named("settings") if not key else ())]
-        known = [
-            one for one in fields if one != "guests"
-        ]  # holds the tables of features, under their own names
+        # Tables of features stand under their own names.
+        known = [one for one in fields if one != "guests"]
         hint = nearest_hint(name, known, "known here:", cutoff=0.5)
         elsewhere = [full for full in _dotted_keys(wanted) if full.rpartition(".")[2] == name]
         if 0 < len(elsewhere) <= _MOST_ELSEWHERE:
