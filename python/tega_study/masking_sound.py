@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import Opened, load_sounddevice
+from tega.runtime.lifecycle import Opened, end_sound, load_sounddevice
 
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""
@@ -130,11 +130,7 @@ class MaskingSound(Opened):
         if stream is None:
             return
         self._fading = True
-        until_s = time.monotonic() + 2 * _RAMP_S
-        while stream.active and not self._silent and time.monotonic() < until_s:
-            time.sleep(0.01)
-        stream.abort()
-        stream.close()
+        end_sound(stream, lambda: self._silent, 2 * _RAMP_S)
 
     def render(self, n: int) -> NDArray[np.float32]:
         """Make the next samples, float32 (n, 2), -1 to 1.

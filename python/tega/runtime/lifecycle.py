@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
@@ -104,3 +105,15 @@ def load_sounddevice() -> Any:
             f"the package 'sounddevice' does not find PortAudio: {error}",
             "sudo apt install libportaudio2; elsewhere it comes with the package",
         ) from error
+
+
+def end_sound(stream: Any, silent: Callable[[], bool], within_s: float) -> None:
+    """Close a stream of sounddevice after its fade-out, whose last sample is made once ``silent()`` is true."""
+    until_s = time.monotonic() + within_s
+    while stream.active and not silent() and time.monotonic() < until_s:
+        time.sleep(0.005)
+    # The fade-out still waits in the sound card, which drops it on closing: the sound would end in a click.
+    if stream.active:
+        time.sleep(min(stream.latency, within_s))
+    stream.abort()
+    stream.close()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from importlib.machinery import ModuleSpec
@@ -38,7 +39,7 @@ class SoundPort:
     Attributes:
         latency_s: How old sound is when it arrives.
         speaker_ms: What the loudspeaker takes beyond its stamp.
-        played: Each block that the loudspeaker was given, float32 (n, channels).
+        played: Each block that left the loudspeaker, float32 (n, channels); ``abort`` drops those that wait.
     """
 
     def __init__(self, peer: Emulator | None = None) -> None:
@@ -79,6 +80,7 @@ class _SoundStream:
         self._port, self._n_channels = port, options["channels"]
         self._callback: Callable[..., None] = options["callback"]
         self._leave = threading.Event()
+        self._aborted_s = 0.0
         self._thread = threading.Thread(target=self._receive if receives else self._play, daemon=True)
         self.samplerate, self.latency = options["samplerate"], port.latency_s
 
@@ -90,6 +92,7 @@ class _SoundStream:
         self._thread.start()
 
     def abort(self) -> None:
+        self._aborted_s = time.monotonic()
         self._leave.set()
 
     def close(self) -> None:
@@ -119,11 +122,15 @@ class _SoundStream:
     def _play(self) -> None:
         port = self._port
         data = np.zeros((round(_BLOCK_S * self.samplerate), self._n_channels), np.float32)
+        waiting: deque[tuple[float, NDArray[np.float32]]] = deque()
         while port.present and not self._leave.wait(_BLOCK_S):
             now_s = time.monotonic()
             leaves_s = now_s + port.latency_s
             stamps = SimpleNamespace(currentTime=now_s - 5.0, outputBufferDacTime=leaves_s - 5.0)
             self._callback(data, len(data), stamps, SimpleNamespace())
-            port.played.append(data.copy())
+            waiting.append((leaves_s, data.copy()))
+            while waiting and waiting[0][0] <= now_s:
+                port.played.append(waiting.popleft()[1])
             if port.peer is not None and data.any():
                 port.peer.say(f"click {leaves_s + port.speaker_ms / 1e3!r}")
+        port.played += [block for leaves_s, block in waiting if leaves_s <= self._aborted_s]

@@ -14,7 +14,6 @@ back     220      277.2    329.6    415.3    Hz (A3, C♯4, E4, G♯4)
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Any, ClassVar, Final
 
 import msgspec
@@ -25,7 +24,7 @@ from tega.devices.base import Options
 from tega.devices.vest.vest_link import VestLink
 from tega.devices.vest.vest_stream import HOLD_MS, StreamedVest, VestOptions
 from tega.errors import DeviceUnavailableError
-from tega.runtime.lifecycle import load_sounddevice
+from tega.runtime.lifecycle import end_sound, load_sounddevice
 
 RATE_HZ: Final = 48_000
 """Samples per second and ear."""
@@ -70,6 +69,7 @@ class ColumnTones:
         self._amplitude = np.zeros(8)
         # What was told last, and how many samples were made since: one tuple, since two threads share it.
         self._reported: tuple[NDArray[np.float64], int] = (np.zeros(8), 0)
+        self._rendered = self._reported
         self._n_made = 0
 
     def notify(self, intensities: NDArray[np.uint8]) -> None:
@@ -82,12 +82,13 @@ class ColumnTones:
 
     @property
     def silent(self) -> bool:
-        """Whether nothing sounds, and nothing is about to."""
-        return not (self._amplitude.any() or self._reported[0].any())
+        """Whether nothing sounds, and nothing is about to; a block that is being made may be of an older frame."""
+        rendered = self._rendered
+        return rendered is self._reported and not (self._amplitude.any() or rendered[0].any())
 
     def render(self, n: int) -> NDArray[np.float32]:
         """Make samples, float32 (n, 2), left and right, -1 to 1; 200 ms without a frame fade to silence."""
-        wanted, reported_at = self._reported
+        wanted, reported_at = reported = self._reported
         if self._n_made - reported_at > HOLD_MS / 1000 * RATE_HZ:
             wanted = np.zeros(8)
         most = np.arange(1, n + 1)[:, None] * (self._volume * _LOUDEST / (_RAMP_S * RATE_HZ))
@@ -100,6 +101,7 @@ class ColumnTones:
             self._amplitude = amplitude[-1]
         self._phase_rad = (self._phase_rad + n * self._step_rad) % (2 * np.pi)
         self._n_made += n
+        self._rendered = reported
         sound: NDArray[np.float32] = made.astype(np.float32)
         return sound
 
@@ -163,9 +165,4 @@ class _Loudspeaker(VestLink):
         if stream is None:
             return
         self._tones.notify(np.zeros(40, np.uint8))
-        until_s = time.monotonic() + _FADE_S
-        while stream.active and not self._tones.silent and time.monotonic() < until_s:
-            time.sleep(_RAMP_S)
-        # What still waits in the sound card is dropped, not played.
-        stream.abort()
-        stream.close()
+        end_sound(stream, lambda: self._tones.silent, _FADE_S)
