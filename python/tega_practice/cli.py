@@ -10,6 +10,7 @@ import click
 from tega.ui.cli.options import (
     NAMES,
     PATH,
+    FiniteRange,
     all_options,
     calibrated_person_option,
     echo_json,
@@ -29,9 +30,7 @@ _guided = all_options(_seed, _yes, sets_option, view_options, json_option)
 @click.command(epilog="Example: tega-teleop practice lab.toml --person p01 --seconds 60")
 @_settings
 @calibrated_person_option
-@_shown(
-    "--seconds", type=click.FloatRange(10, 600), default=60.0, help="How long the practice lasts, seconds."
-)
+@_shown("--seconds", type=FiniteRange(10, 600), default=60.0, help="How long the practice lasts, seconds.")
 @_guided
 def practice(
     *,
@@ -76,10 +75,10 @@ def practice(
 @_settings
 @calibrated_person_option
 @_shown("--movements", type=click.IntRange(1, 100), default=6, help="Movements for each distance and width.")
-@_shown("--dwell-s", type=click.FloatRange(0.1, 5), default=1.0, help="Seconds to stay in a target.")
+@_shown("--dwell-s", type=FiniteRange(0.1, 5), default=1.0, help="Seconds to stay in a target.")
 @_shown(
     "--timeout-s",
-    type=click.FloatRange(0.2, 60),
+    type=FiniteRange(0.2, 60),
     default=10.0,
     help="Seconds after which the next target comes.",
 )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, echo_json, json_option
+from tega.ui.cli.options import FILE, FiniteRange, echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,7 +66,7 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
         ),
         click.option(
             "--harm-mm",
-            type=click.FloatRange(0.1, 100),
+            type=FiniteRange(0.1, 100),
             default=6.0,
             show_default=True,
             help="How far the object must narrow to count as deformed, mm.",
@@ -156,10 +156,14 @@ def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -
 @click.argument("video", type=FILE)
 @optics_options
 @click.option(
-    "--begin-s", type=float, help="Start of the trial on the video's clock; its first picture unless given."
+    "--begin-s",
+    type=FiniteRange(),
+    help="Start of the trial on the video's clock; its first picture unless given.",
 )
 @click.option(
-    "--end-s", type=float, help="End of the trial on the video's clock; the last picture unless given."
+    "--end-s",
+    type=FiniteRange(),
+    help="End of the trial on the video's clock; the last picture unless given.",
 )
 @json_option
 def score(
@@ -240,7 +244,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
 )
 @_size_option
 @click.option(
-    "--rate-hz", type=click.FloatRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
+    "--rate-hz", type=FiniteRange(1, 240), default=30.0, show_default=True, help="Pictures a second."
 )
 @click.option(
     "--video",
@@ -249,7 +253,7 @@ def print_outcome(outcome: SceneOutcome, indent: str = "") -> None:
     show_default=True,
     help="Format of the video.",
 )
-@click.option("--seconds", type=click.FloatRange(0.1), help="Seconds to record; else Ctrl-C stops it.")
+@click.option("--seconds", type=FiniteRange(0.1), help="Seconds to record; else Ctrl-C stops it.")
 @json_option
 def record(
     *,

@@ -68,6 +68,14 @@ def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
     assert rest == []
 
 
+@pytest.mark.parametrize("text", ["nan", "inf"])
+def test_no_option_takes_a_number_of_no_size(text: str) -> None:
+    for option in (option for verb in VERBS.values() for option in verb.params):
+        if isinstance(option.type, click.types.FloatParamType):
+            with pytest.raises(click.BadParameter):
+                option.type(text)
+
+
 @pytest.mark.parametrize(
     ("earlier", "now"),
     [("inspect", "recording inspect"), ("sim-trials", "sim trials"), ("forward", "arm forward")],

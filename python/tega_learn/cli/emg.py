@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.emg import kind_option, reading_options
-from tega.ui.cli.options import FILE, NAMES, PATH, PngPath, echo_json, json_option
+from tega.ui.cli.options import FILE, NAMES, PATH, FiniteRange, PngPath, echo_json, json_option
 from tega_learn.logs import emg_beside, force_log, read_log, read_tracked, target_option
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     help="Features of each block and channel.",
 )
 @click.option(
-    "--tau-ms", type=click.FloatRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
+    "--tau-ms", type=FiniteRange(10, 1000), default=100.0, show_default=True, help="Length of a block."
 )
 @click.option(
     "--person", default="", help="Code of the person whose muscles they are; a practice record knows it."
@@ -133,7 +133,7 @@ def fit(
 @click.option(
     "--recalibrate",
     "recalibrate_s",
-    type=click.FloatRange(0, 3600),
+    type=FiniteRange(0, 3600),
     default=0.0,
     metavar="SECONDS",
     help="Recalibrate maxima and models with the first seconds of the judged part, and judge the rest.",

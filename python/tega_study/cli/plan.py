@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from tega.errors import InvalidValueError
-from tega.ui.cli.options import FILE, NAMES, json_option
+from tega.ui.cli.options import FILE, NAMES, FiniteRange, json_option
 from tega_study.cli.options import FOLDER, answer, design_options, folder_argument, shown_option
 
 
@@ -140,11 +140,13 @@ def forms(*, folder: Path, out: Path, as_json: bool) -> None:
 )
 @folder_argument
 @click.argument("name")
-@click.option("--mass-g", type=float, help="Mass as it is lifted, grams.")
+@click.option("--mass-g", type=FiniteRange(), help="Mass as it is lifted, grams.")
 @click.option(
-    "--stiffness-n-per-mm", type=float, help="Stiffness where it is grasped: force over indentation, N/mm."
+    "--stiffness-n-per-mm",
+    type=FiniteRange(),
+    help="Stiffness where it is grasped: force over indentation, N/mm.",
 )
-@click.option("--friction", type=float, help="Static friction against the gel.")
+@click.option("--friction", type=FiniteRange(), help="Static friction against the gel.")
 @click.option("--measured", help="How these were measured.")
 @click.option("--photo", type=FILE, help="JPEG or PNG; it is copied.")
 @json_option

@@ -11,7 +11,7 @@ import click
 
 from tega.config import check_tree, load_config, override_tree
 from tega.errors import MissingExtraError
-from tega.ui.cli.options import FILE, PATH, echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option
 from tega_sim.cli.options import loop_sets
 from tega_study.cli.options import answer, folder_argument, participant_argument, shown_option
 
@@ -78,7 +78,7 @@ if TYPE_CHECKING:
 @click.option("--yes", is_flag=True, help="Go on by the clock and pass over the questions; to rehearse.")
 @click.option(
     "--time-scale",
-    type=click.FloatRange(0.01, 1.0),
+    type=FiniteRange(0.01, 1.0),
     default=1.0,
     metavar="FACTOR",
     help="Shorten rests and countdowns; to rehearse.",

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import FILE, PATH, json_option, progress_bar
+from tega.ui.cli.options import FILE, PATH, FiniteRange, json_option, progress_bar
 from tega_study.cli.options import FOLDER, answer, folder_argument, shown_option
 
 _COLUMNS = {
@@ -32,7 +32,7 @@ _COLUMNS = {
 @folder_argument
 @shown_option(
     "--tolerance-s",
-    type=click.FloatRange(0.01, 10),
+    type=FiniteRange(0.01, 10),
     default=1.0,
     help="How far apart two events may be and still be one; 0.5 suits video, 1 suits live.",
 )

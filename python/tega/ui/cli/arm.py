@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import echo_json, json_option
+from tega.ui.cli.options import FiniteRange, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.arm.heading import ForearmSweep
@@ -26,7 +26,7 @@ _WIDTH = 79
     "--seconds",
     default=30.0,
     show_default=True,
-    type=click.FloatRange(1, 600),
+    type=FiniteRange(1, 600),
     help="Seconds to wait for a movement.",
 )
 @json_option

@@ -12,6 +12,7 @@ import click
 from tega.ui.cli.options import (
     FILE,
     PATH,
+    FiniteRange,
     calibrated_person_option,
     echo_json,
     json_option,
@@ -63,7 +64,7 @@ if TYPE_CHECKING:
 @click.option("--each-step", is_flag=True, help="Look for the step at every column, not at one of each face.")
 @click.option(
     "--pause-s",
-    type=click.FloatRange(0, 300),
+    type=FiniteRange(0, 300),
     default=30.0,
     show_default=True,
     metavar="SECONDS",
@@ -71,7 +72,7 @@ if TYPE_CHECKING:
 )
 @click.option(
     "--known-ball",
-    type=(click.FloatRange(1, 100), click.FloatRange(0.1, 30)),
+    type=(FiniteRange(1, 100), FiniteRange(0.1, 30)),
     metavar="MM NEWTON",
     help="A ball's diameter and the force you press it with, by a scale: fits depth and force. Never needed.",
 )

@@ -11,7 +11,7 @@ import click
 
 from tega.ui.cli.calibrate import emg_recalibrate
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import CHANNELS, PATH, all_options, echo_json, json_option
+from tega.ui.cli.options import CHANNELS, PATH, FiniteRange, all_options, echo_json, json_option
 
 if TYPE_CHECKING:
     from tega.runtime.files.tables.decide import Decision
@@ -50,7 +50,7 @@ def column_options(prefix: str = "") -> Callable[[Callable[..., Any]], Callable[
     return all_options(
         click.option(
             f"--{prefix}rate-hz",
-            type=click.FloatRange(0, 10_000_000, min_open=True),
+            type=FiniteRange(0, 10_000_000, min_open=True),
             help="Samples per second; else as the file states them.",
         ),
         click.option(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, all_options, echo_json, json_option
+from tega.ui.cli.options import FILE, FiniteRange, all_options, echo_json, json_option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -91,7 +91,7 @@ def show(*, as_json: bool, **where: Any) -> None:
 @click.argument("file", type=FILE)
 @click.option("--level", type=click.IntRange(1, 5), required=True, help="Which closure level to replace.")
 @click.option(
-    "--seconds", type=click.FloatRange(0.1, 10), default=1.0, show_default=True, help="How long to average."
+    "--seconds", type=FiniteRange(0.1, 10), default=1.0, show_default=True, help="How long to average."
 )
 @_hand_options
 def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
@@ -128,7 +128,7 @@ def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
 
 @hand.command(epilog="Example: tega-teleop hand measure --emulated --seconds 10")
 @click.option(
-    "--seconds", type=click.FloatRange(1, 45), default=10.0, show_default=True, help="How long to watch."
+    "--seconds", type=FiniteRange(1, 45), default=10.0, show_default=True, help="How long to watch."
 )
 @_hand_options
 @json_option

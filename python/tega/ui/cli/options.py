@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 from collections.abc import Callable, Iterator, Mapping
@@ -58,6 +59,17 @@ NAMES: Final = CommaList("name,name,...", "names, such as bottle,bag", _names)
 NUMBERS: Final = CommaList(
     "number,...", "numbers, such as 0.3,0.6", lambda parts: list(dict.fromkeys(map(float, parts)))
 )
+
+
+class FiniteRange(click.FloatRange):
+    """Number within a range; click takes ``nan`` for one in every range, and ``inf`` where an end is open."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """Return the number, or fail with a usage error."""
+        number: float = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{value} is not a finite number.", param, ctx)
+        return number
 
 
 class PngPath(click.Path):
@@ -117,7 +129,7 @@ yes_option = click.option(
     "--yes", is_flag=True, help="Go on by the clock instead of waiting for Enter, and ask nothing."
 )
 time_scale_option = click.option(
-    "--time-scale", type=click.FloatRange(0.05, 4), default=1.0, metavar="FACTOR",
+    "--time-scale", type=FiniteRange(0.05, 4), default=1.0, metavar="FACTOR",
     help="Scale all durations by FACTOR (for rehearsals).",
 )  # fmt: skip
 

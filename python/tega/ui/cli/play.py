@@ -10,6 +10,7 @@ import click
 from tega.ui.cli.options import (
     FILE,
     PATH,
+    FiniteRange,
     echo_json,
     json_option,
     sets_option,
@@ -60,7 +61,7 @@ class _Speed(click.ParamType[float | None]):
 @click.option(
     "--from",
     "from_s",
-    type=click.FloatRange(min=0),
+    type=FiniteRange(min=0),
     default=0.0,
     show_default=True,
     metavar="SECONDS",

@@ -14,7 +14,7 @@ from tega.runtime.declaration import OWN_NAMES
 from tega.runtime.features import load_target, named, warn
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, PATH, echo_json, json_option, progress_bar
+from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option, progress_bar
 
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
@@ -212,14 +212,14 @@ def _echo_paths(made: Sequence[Path], *, as_json: bool) -> None:
 @click.option(
     "--from",
     "from_s",
-    type=click.FloatRange(min=0),
+    type=FiniteRange(min=0),
     default=0.0,
     help="Start of the part, seconds since the recording's start.",
 )
 @click.option(
     "--to",
     "to_s",
-    type=click.FloatRange(min=0),
+    type=FiniteRange(min=0),
     help="End of the part, seconds since the recording's start; else the recording's end.",
 )
 @click.option("--out", type=PATH, help="Folder: new or empty; SESSION-FROM-TO if left out.")

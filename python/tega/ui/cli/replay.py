@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from tega.ui.cli.emg import column_options, kind_option
-from tega.ui.cli.options import PATH, json_option, picture_option, progress_bar, sets_option
+from tega.ui.cli.options import PATH, FiniteRange, json_option, picture_option, progress_bar, sets_option
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -41,7 +41,7 @@ class _Named(click.ParamType[tuple[str, str]]):
 )
 @click.option(
     "--tactile-rate-hz",
-    type=click.FloatRange(0, 100_000, min_open=True),
+    type=FiniteRange(0, 100_000, min_open=True),
     help="Pictures per second of folders and stacks [default: times in their names or files, else 60].",
 )
 @click.option(

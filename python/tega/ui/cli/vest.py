@@ -8,7 +8,7 @@ import click
 
 from tega.errors import ConfigError
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import PATH, sets_option, worn_by, worn_option
+from tega.ui.cli.options import PATH, FiniteRange, sets_option, worn_by, worn_option
 
 
 @click.command(epilog="Example: tega-teleop vest identify --set vest.driver=bhaptics-player --motor 0")
@@ -21,7 +21,7 @@ from tega.ui.cli.options import PATH, sets_option, worn_by, worn_option
 )
 @click.option(
     "--seconds",
-    type=click.FloatRange(0.1, 10),
+    type=FiniteRange(0.1, 10),
     default=1.0,
     show_default=True,
     help="How long each motor vibrates, seconds.",

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import json_option
+from tega.ui.cli.options import FiniteRange, json_option
 
 __all__ = ["soak"]
 
@@ -14,7 +14,7 @@ __all__ = ["soak"]
 @click.command(epilog="Example: tega-teleop soak --seconds 60 --seed 1")
 @click.option(
     "--seconds",
-    type=click.FloatRange(min=10.0),
+    type=FiniteRange(min=10.0),
     default=60.0,
     show_default=True,
     help="How long to measure, seconds.",

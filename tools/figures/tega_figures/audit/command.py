@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.options import CHANNELS, PngPath, json_option
+from tega.ui.cli.options import CHANNELS, FiniteRange, PngPath, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -65,12 +65,12 @@ _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
     "t_s,force_n over time.",
 )
 @click.option(
-    "--least-force-n", type=click.FloatRange(0, 1000), default=0.0, show_default=True,
+    "--least-force-n", type=FiniteRange(0, 1000), default=0.0, show_default=True,
     help="Force, in newtons, below which the sensor's value counts as 0.",
 )  # fmt: skip
 @click.option(
     "--emg-rate-hz",
-    type=click.FloatRange(0, 10_000_000, min_open=True),
+    type=FiniteRange(0, 10_000_000, min_open=True),
     help="Samples per second of a file of EMG.",
 )
 @click.option(

@@ -7,7 +7,7 @@ from typing import Literal
 
 import click
 
-from tega.ui.cli.options import PngPath, json_option
+from tega.ui.cli.options import FiniteRange, PngPath, json_option
 from tega_sim.cli.options import objects_option, preset_option
 
 __all__ = ["bench"]
@@ -104,7 +104,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
 @bench.command(epilog="Example: tega-teleop bench loop --seconds 20")
 @click.option(
     "--seconds",
-    type=click.FloatRange(3, 3600),
+    type=FiniteRange(3, 3600),
     default=20,
     show_default=True,
     help="How long to measure, seconds.",
@@ -123,7 +123,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
 )
 @click.option(
     "--most-hz",
-    type=click.FloatRange(10, 1000),
+    type=FiniteRange(10, 1000),
     help="Greatest rate of the vest's link, such as 50 for Bluetooth; the Player's is 500.",
 )
 @click.option(
@@ -233,7 +233,7 @@ def loop(
 @bench.command(epilog="Example: tega-teleop bench stations --seconds 20 --keys")
 @click.option(
     "--seconds",
-    type=click.FloatRange(2, 3600),
+    type=FiniteRange(2, 3600),
     default=20,
     show_default=True,
     help="How long to measure, seconds.",
@@ -241,7 +241,7 @@ def loop(
 @click.option("--keys", is_flag=True, help="Encrypt the link, with keys made for this.")
 @click.option(
     "--images-hz",
-    type=click.FloatRange(0, 60),
+    type=FiniteRange(0, 60),
     default=10,
     show_default=True,
     help="Pictures a second of each fingertip for display.",

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 import click
 
 from tega.runtime.threads import spare_threads
-from tega.ui.cli.options import PngPath
+from tega.ui.cli.options import FiniteRange, PngPath
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -47,7 +47,7 @@ _MORE: Final = {
 
 @click.command()
 @click.argument("picture", type=PngPath())
-@click.option("--seconds", type=click.FloatRange(3, 3600), default=20, show_default=True)
+@click.option("--seconds", type=FiniteRange(3, 3600), default=20, show_default=True)
 @click.option("--rounds", type=click.IntRange(1, 100), default=3, show_default=True)
 def main(picture: Path, seconds: float, rounds: int) -> None:
     """Run the loop with 4, 8 and 16 fingers in turns, print the medians and draw PICTURE."""
