@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from reference.command import call
 from reference.sessions import record, stream, synthetic, tree
 from tega.config import check_tree, load_config
+from tega.errors import RecordingError
 from tega.loop import run_session
 from tega.loop.inbox.frames import FrameMeter
 from tega.recording.replay import Replay, replay_file
@@ -112,6 +113,13 @@ def test_contacts_of_compressed_pictures_are_kept(tmp_path: Path, capsys: pytest
     assert "re-run from the contacts as recorded and the raw samples" in text
     assert f"Contacts are those recorded: {why}." in text
     assert all(one.compared and one.fields == {} for one in replay_file(path).pictures)
+
+
+def test_a_cut_recording_of_unknown_types_alone_is_not_called_identical(short, tmp_path, monkeypatch):
+    (path := tmp_path / "cut.mcap").write_bytes(short.read_bytes()[:-40])
+    monkeypatch.setattr("tega.recording.replay.feed._kind_of", lambda _schema, _topic: (None, {}))
+    with pytest.raises(RecordingError, match="nothing that is computed again"):
+        replay_file(path)
 
 
 def test_contacts_of_another_version_of_the_metric_are_kept(lossless, capsys, monkeypatch):

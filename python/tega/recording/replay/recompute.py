@@ -113,6 +113,11 @@ def replay_file(
     with nullcontext(list) if measured.again else _begun_errors(path, config, sets, long=long) as errors:
         end_ns = _run(feed, RecordedRun(feed, measured, comparing.settle), bus)
         streams, pictures = list(comparing.results()), errors()
+    if not any(stream.recorded or stream.replayed for stream in streams):
+        raise RecordingError(
+            f"{path.name}: holds nothing that is computed again",
+            "it was cut within its first tick, or another version wrote it",
+        )
     return Replay(
         file=path.name,
         lossless=head.lossless,
