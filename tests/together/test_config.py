@@ -186,12 +186,16 @@ def test_a_missing_file_and_broken_toml(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"^none\.toml: no such file"):
         load_config(tmp_path / "none.toml", environ={})
     broken = tmp_path / "broken.toml"
-    broken.write_text("[session\n")
-    with pytest.raises(ConfigError, match=r"^broken\.toml: not valid TOML: .*line 1"):
-        load_config(broken, environ={})
-    broken.write_bytes(b"\xff\xfe")
-    with pytest.raises(ConfigError, match=r"^broken\.toml: not UTF-8"):
-        load_config(broken, environ={})
+    for content, problem in (
+        (b"[session\n", "not valid TOML: .*line 1"),
+        (b"a." * 5000 + b"a = 1", "not valid TOML: .*hundreds deep"),
+        (b"a = " + b"9" * 5000, "not valid TOML: .*thousands of digits"),
+        (b"\na = [\n" + b"1,\n" * 600 + b"]", r"not valid TOML: a value has more than .*line 2\)"),
+        (b"\xff\xfe", "not UTF-8"),
+    ):
+        broken.write_bytes(content)
+        with pytest.raises(ConfigError, match=rf"^broken\.toml: {problem}"):
+            load_config(broken, environ={})
 
 
 PROJECT = Path(__file__).resolve().parents[2]

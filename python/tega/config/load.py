@@ -32,6 +32,9 @@ from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import ESCAPES, swallowed_escape, toml_hint, toml_value
 from tega.stages.registry import stage_class
 
+# Lines of one value: each is parsed with all before it.
+_LONGEST: Final = 500
+
 
 def value_lines(text: str) -> dict[str, int]:
     """Return the line, from 1, on which the statement of each value begins.
@@ -52,6 +55,8 @@ def value_lines(text: str) -> dict[str, int]:
                     seen[name] = seen.get(name, -1) + 1
                 continue
             first = number
+        if number - first > _LONGEST:
+            raise tomllib.TOMLDecodeError(f"a value has more than {_LONGEST} lines (at line {first})")
         waiting += f"{line}\n"
         try:
             statement = tomllib.loads(f"{table}\n{waiting}")

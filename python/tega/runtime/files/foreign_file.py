@@ -15,6 +15,7 @@ import math
 import re
 import stat
 import tomllib
+from collections import deque
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
@@ -22,6 +23,7 @@ from typing import IO, TYPE_CHECKING, Any, Final, ParamSpec, TypeVar
 import msgspec
 
 from tega.errors import RecordingError, TegaError, UnsafeNameError
+from tega.runtime.files.toml_text import tree_values
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,9 +80,14 @@ def read_words(path: Path, *, most_mib: int = 1, error: type[TegaError] = Record
 def parse_toml(text: str) -> dict[str, Any]:
     """Return the tree of a TOML text; ``ValueError`` also for one deeper than anything that is meant."""
     try:
-        return tomllib.loads(text)
-    except RecursionError as error:
-        raise tomllib.TOMLDecodeError("tables or arrays lie in each other hundreds deep") from error
+        tree = tomllib.loads(text)
+        deque(tree_values(tree), 0)  # as deep by dotted keys, which are no recursion of the parser
+    except tomllib.TOMLDecodeError:
+        raise
+    except (RecursionError, ValueError) as error:
+        what = "tables or arrays lie in each other hundreds deep, or a number has thousands of digits"
+        raise tomllib.TOMLDecodeError(what) from error
+    return tree
 
 
 def parse_json(data: bytes | str, kind: type[_R]) -> _R:
