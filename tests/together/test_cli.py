@@ -160,6 +160,13 @@ def test_a_vest_drawn_in_the_terminal_takes_the_live_views_place_unless_a_hand_m
         assert (display is None) is (hand is None)
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is always full")
+def test_a_full_disk_says_what_to_do() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run([sys.executable, "-m", "tega.ui.cli", "--version"], stdout=full, stderr=-1)  # noqa: PLW1510
+    assert b"hint: make room" in done.stderr
+
+
 @pytest.mark.parametrize("verb", ["play", "verify"])
 def test_a_folder_of_tables_is_no_recording(tmp_path, capsys, monkeypatch, verb):
     folder = tmp_path / "results"

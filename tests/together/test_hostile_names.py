@@ -11,6 +11,8 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 
+from reference.command import call
+from reference.sessions import rewritten
 from tega.config.calibration.folder import CalibrationFolder, checked_person
 from tega.errors import UnsafeNameError
 from tega.recording.export import export_file
@@ -140,3 +142,11 @@ def test_a_refused_recording_is_closed(stolen: Path, tmp_path: Path) -> None:
     with pytest.raises(UnsafeNameError) as refused:
         export_file(stolen, tmp_path / "out", pictures=True)
     assert stolen not in [path.resolve() for path in Path("/proc/self/fd").iterdir()], refused
+
+
+def test_texts_of_a_recording_are_no_commands_to_a_terminal(short, tmp_path, capsys):
+    path = rewritten(short, tmp_path / "[bold].mcap", tables={"versions": {"system": "\x1b[2J[/b]"}})
+    text = call(capsys, "recording", "inspect", path)[0]
+    assert text.startswith("[bold].mcap ")
+    assert r"system \x1b[2J[/b]" in text
+    assert r"\x1b[2J" in call(capsys, "recording", "inspect", tmp_path / "\x1b[2J", code=1)[1]

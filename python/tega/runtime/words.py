@@ -36,6 +36,16 @@ def number_text(value: float, digits: int = 4, *, decimals: int | None = None) -
     return text.rstrip("0").rstrip(".") if "." in text else text
 
 
+def printable(text: str) -> str:
+    r"""Return a text from outside with its control characters escaped: a terminal obeys them.
+
+    Example:
+        >>> printable("µV\x1b[2J")
+        'µV\\x1b[2J'
+    """
+    return "".join(c if c.isprintable() or c in "\n\xa0\u202f" else repr(c)[1:-1] for c in text)
+
+
 def nearest_hint(
     name: str, known: Iterable[str], otherwise: str = "choose from", *, cutoff: float = 0.6
 ) -> str:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import to_builtins
 
+from tega.runtime.words import printable
 from tega.ui.cli.options import (
     PATH,
     echo_json,
@@ -125,7 +126,7 @@ def _paragraph(finding: Finding, width: int) -> list[str]:
 
 def _wrapped(text: str, margin: str, hang: str = "") -> list[str]:
     return textwrap.wrap(
-        text,
+        printable(text),
         min(max(shutil.get_terminal_size((_WIDTHS[1], 24)).columns, _WIDTHS[0]), _WIDTHS[1]),
         initial_indent=margin,
         subsequent_indent=margin + hang,

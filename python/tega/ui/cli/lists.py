@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from tega.runtime.words import printable
 from tega.ui.cli.options import echo_json, json_option, value_text, with_origin
 
 if TYPE_CHECKING:
@@ -48,7 +49,8 @@ def devices(*, as_json: bool) -> None:
         )
         for one in looked[d.name].found if d.name in looked else ():
             about = one.problem or one.note
-            click.echo(f"{'':<8} {'':<{width}}    ↳ {one.label}{f': {about}' if about else ''}")
+            text = printable(f"{one.label}{f': {about}' if about else ''}")
+            click.echo(f"{'':<8} {'':<{width}}    ↳ {text}")
     click.echo()
     n_seen = sum(len(there.found) for there in looked.values())
     for line in could_not_look(looked):

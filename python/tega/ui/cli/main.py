@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import os
 import sys
@@ -15,6 +16,7 @@ import click
 from tega.errors import DeviceUnavailableError, MissingToolError, TegaError
 from tega.runtime.features import Verb, author_of, show_warnings
 from tega.runtime.lifecycle import needs_tools
+from tega.runtime.words import printable
 from tega.ui.cli.guest_group import GuestGroup, guest_verbs
 
 EXIT_FAILED, EXIT_USAGE, EXIT_DEVICE, EXIT_STOPPED = 1, 2, 3, 130
@@ -180,7 +182,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(EXIT_FAILED)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        _notify(f"{where}{error.strerror or error}", "", debug=debug)
+        hint = "make room; what was written is not whole" if error.errno == errno.ENOSPC else ""
+        _notify(f"{where}{error.strerror or error}", hint, debug=debug)
         sys.exit(EXIT_FAILED)
     except Exception as error:  # the last resort: no traceback unless asked for
         author = _author(error)
@@ -198,15 +201,14 @@ def _author(error: BaseException) -> str:
 
 
 def _warn(message: str, hint: str) -> None:
-    click.echo(f"warning: {message}", err=True)
-    click.echo(f"hint: {hint}", err=True)
+    click.echo(printable(f"warning: {message}\nhint: {hint}"), err=True)
 
 
 def _notify(message: str, hint: str, *, debug: bool) -> None:
     if debug:
         traceback.print_exc()
-    click.echo(f"error: {message}", err=True)
+    click.echo(printable(f"error: {message}"), err=True)
     if hint:
         from tega.ui.cli.options import with_origin
 
-        click.echo(f"hint: {with_origin(hint)}", err=True)
+        click.echo(printable(f"hint: {with_origin(hint)}"), err=True)

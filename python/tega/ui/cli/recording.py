@@ -12,6 +12,7 @@ from click.core import ParameterSource
 from tega.errors import ConfigError, MissingExtraError, TegaError
 from tega.runtime.declaration import OWN_NAMES
 from tega.runtime.features import load_target, named, warn
+from tega.runtime.words import printable
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option, progress_bar
@@ -52,7 +53,7 @@ def _show(found: Inspection) -> None:
     console = wide_console()
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
-    console.print(f"[bold]{found.file}[/]  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
+    console.print(f"{found.file}  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
     for step in found.origin:
@@ -60,14 +61,14 @@ def _show(found: Inspection) -> None:
         if step["from_ns"] != "0" or step["to_ns"]:
             end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
             subject += f", {int(step['from_ns']) / 1e9:g} s to {end}"
-        console.print(f"  made by {step['made_by']} from {subject}", markup=False)
+        console.print(printable(f"  made by {step['made_by']} from {subject}"))
     for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
-        console.print(f"  {source}", markup=False)
+        console.print(printable(f"  {source}"))
     figures = ["messages", "rate Hz", "usual ms", "longest", "gaps", "missing", "dropped", "MiB"]
     table = figures_table(["stream"], figures, box=None)
     for s in found.streams:
         table.add_row(
-            s.topic,
+            printable(s.topic),
             str(s.messages),
             *(_number(value, 2) for value in (s.rate_hz, s.median_ms, s.longest_ms)),
             _number(s.gaps, 0),
@@ -90,9 +91,10 @@ def _show(found: Inspection) -> None:
         if lines:
             console.print(f"  {title}:")
         for line in lines:
-            console.print(f"    {line.t_s:9.3f} s  {line.text}", markup=False)
+            console.print(printable(f"    {line.t_s:9.3f} s  {line.text}"))
     console.print(f"  settings {found.config_sha256[:16]}")
-    console.print("  " + ", ".join(f"{name} {version}" for name, version in found.versions.items()))
+    versions = ", ".join(f"{name} {version}" for name, version in found.versions.items())
+    console.print(printable(f"  {versions}"))
 
 
 def _number(value: float | None, digits: int) -> str:

@@ -55,21 +55,21 @@ def _print_link(out: Console, net: dict[str, Any]) -> None:
     refused = net["refused_features" if operator else "refused_commands"]
     if refused:
         words.append("not used: " + ", ".join(f"{n} {why}" for why, n in refused.items()))
-    out.print(f"link: {', '.join(words)}", markup=False, soft_wrap=True)
+    out.print(f"link: {', '.join(words)}", soft_wrap=True)
 
 
 def _print_arm(out: Console, arm: dict[str, Any]) -> None:
     shares = ", ".join(f"{state} {s:.1f} s" for state, s in arm["state_s"].items() if s)
     if off := arm.get("off_target_mm"):
         shares += f"; {off['rms']:.1f} mm from its target (rms), {off['worst']:.1f} at most"
-    out.print(f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}", markup=False)
+    out.print(f"arm: {arm['source']}, led by {arm['led_by']}, {arm['holds']} holds; {shares}")
 
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
     """Print a summary of ``run_session``, with ``wall_s`` and ``real_time_factor``, which are in no file."""
     from rich.console import Console
 
-    out = Console(highlight=False)
+    out = Console(highlight=False, markup=False)
     if summary["tactile"]:
         table = figures_table(["finger", "source"], ["frames", "Hz", "CCI max", "EDA max"], "touch")
         table.add_column("baseline")
@@ -104,12 +104,12 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
             print_row(out, row)
     _print_safety(out, summary)
     for note in summary["notes"]:
-        out.print(f"note: {note}", markup=False)
+        out.print(f"note: {note}")
     if (recording := summary.get("recording")) is not None:
         n_dropped = sum(recording["dropped"].values())
         lost = f"{n_dropped} records dropped" if n_dropped else "nothing dropped"
         size = f"{recording['bytes'] / 1e6:.1f} MB"
-        out.print(f"recorded: {recording['file']}, {size}, {lost}", markup=False, soft_wrap=True)
+        out.print(f"recorded: {recording['file']}, {size}, {lost}", soft_wrap=True)
     if (pacing := summary.get("pacing")) is not None:
         out.print(
             f"paced by the clock: {pacing['overruns']} of {pacing['ticks']} ticks late by more than 3 ms "
@@ -134,7 +134,7 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
     if "motor_onset" in summary:
         motor = summary["motor_onset"]
         unknown = "not measured, so the latency ends at the vest's transport (tega-teleop vest onset)"
-        out.print(f"motor onset: {unknown}" if motor is None else motor["said"], markup=False)
+        out.print(f"motor onset: {unknown}" if motor is None else motor["said"])
 
 
 def latency_tables(latency_ms: dict[str, Any]) -> Iterator[Table]:
@@ -205,4 +205,4 @@ def wide_console() -> Console:
     """Return a console that breaks no line of a table where the output is no terminal."""
     from rich.console import Console
 
-    return Console(highlight=False, width=None if Console().is_terminal else 160)
+    return Console(highlight=False, markup=False, width=None if Console().is_terminal else 160)

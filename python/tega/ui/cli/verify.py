@@ -79,13 +79,11 @@ def _show(replay: Replay) -> None:
     from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
-    console.print(
-        f"[bold]{replay.file}[/]  {replay.duration_s:.1f} s re-run{_inputs(replay)}", soft_wrap=True
-    )
+    console.print(f"{replay.file}  {replay.duration_s:.1f} s re-run{_inputs(replay)}", soft_wrap=True)
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
-        console.print(f"  changed: {change}", markup=False)
+        console.print(f"  changed: {change}")
     if not replay.complete:
         console.print("  the recording was cut; compared as far as it goes")
     for topic, count in replay.dropped.items():
@@ -107,12 +105,13 @@ def _show(replay: Replay) -> None:
     for s in replay.streams:
         for d in s.first[:3]:
             message = f"{s.stream} at {d.t_s:.6f} s: {d.field}: {_short(d.recorded)} -> {_short(d.replayed)}"
-            console.print(f"  {message}", markup=False)
+            console.print(f"  {message}")
     kept = {name: why for name, why in _kept(replay).items() if why}
-    verdict = "[green]identical, bit for bit[/]" if replay.same else "[red]not identical[/]"
-    console.print(f"  {'what was computed is ' if kept else ''}{verdict}")
+    verdict = "identical, bit for bit" if replay.same else "not identical"
+    style = "green" if replay.same else "red"
+    console.print(f"  {'what was computed is ' if kept else ''}{verdict}", style=style)
     for name, why in kept.items():
-        console.print(f"  {name.capitalize()} are those recorded: {why}.", soft_wrap=True, markup=False)
+        console.print(f"  {name.capitalize()} are those recorded: {why}.", soft_wrap=True)
     if "contacts" in kept and any(finger.compared for finger in replay.pictures):
         console.print(
             "  --json has the differences of contacts measured again in the pictures.", soft_wrap=True
