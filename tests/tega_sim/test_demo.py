@@ -84,7 +84,6 @@ def test_without_matplotlib_the_demo_leaves_its_tables_and_says_what_draws(
     out = tmp_path / "demo"
     printed, text = call(capsys, "demo", "--fast", "--operator", "scripted", "--objects", "bag", "--out", out)
     assert "no picture: matplotlib is not installed; pip install '" in text
-    assert "[pictures]'" in text
     assert f"tables and summary.json are in {out}" in printed
     assert not (out / "demo.png").exists()
     assert (out / "1-bag" / "vest.csv").is_file()

@@ -60,7 +60,6 @@ def test_a_whole_recording_is_measured_in_its_pictures(lossless, capsys):
     assert CLAIM in text
     assert row(text, CONTACTS)[1:] == ["90", "90", "0"]
     assert "  identical, bit for bit\n" in text
-    assert "as recorded" not in text
 
 
 def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_why(part, capsys):
@@ -74,7 +73,6 @@ def test_a_part_that_a_metric_with_memory_measured_keeps_its_contacts_and_says_w
     assert row(text, "/emg/levels")[3] == "0"
     assert "  what was computed is identical, bit for bit\n" in text
     assert f"Contacts are those recorded: {why}." in text
-    assert "JPEG" not in text
     assert CLAIM not in text
 
 
@@ -109,9 +107,6 @@ def test_contacts_of_compressed_pictures_are_kept(tmp_path: Path, capsys: pytest
     path = record(tmp_path / "jpeg", duration_s=0.6, lossless=False)
     why = "the pictures were compressed (JPEG)"
     assert set(kept(capsys, path).values()) == {why}
-    text = call(capsys, "verify", path)[0]
-    assert "re-run from the contacts as recorded and the raw samples" in text
-    assert f"Contacts are those recorded: {why}." in text
     assert all(one.compared and one.fields == {} for one in replay_file(path).pictures)
 
 

@@ -24,8 +24,7 @@ from reference.mutated import (
     refuses_what_is_no_file,
 )
 from tega.config import load_config
-from tega.config.calibration import load_calibration
-from tega.errors import CalibrationError, ConfigError, RecordingError, TegaError
+from tega.errors import RecordingError, TegaError
 from tega.recording.inspection import inspect_file
 from tega.recording.opened import open_recording
 from tega.recording.replay import replay_file
@@ -33,7 +32,7 @@ from tega.recording.replay.play import play_file
 from tega.records import EmgSamples
 from tega.records.bus import Bus
 from tega.records.display import DisplayPicture
-from tega.runtime.files.foreign_file import MIB, load_npy
+from tega.runtime.files.foreign_file import load_npy
 from tega.runtime.files.signals import read_signals
 from tega.runtime.files.tables.table import Reading
 from tega.stages.base import MeasuredPicture
@@ -58,24 +57,10 @@ def test_a_file_larger_than_any_of_its_kind_is_refused_unread(kind: str, tmp_pat
     refuses_a_huge_file(READERS[kind], tmp_path)
 
 
-@pytest.mark.parametrize(
-    ("read", "error"),
-    [(lambda p: load_config(p, environ={}), ConfigError), (load_calibration, CalibrationError)],
-)
-def test_settings_are_refused_by_their_own_error(read, error, tmp_path):
-    path = tmp_path / "lab.toml"
-    path.write_bytes(b"# " + b"x" * 2 * MIB)
-    with pytest.raises(error, match=r"lab\.toml: 2 MiB, at most 1 MiB"):
-        read(path)
-
-
 def test_the_mark_before_utf_8_is_passed_over(tmp_path: Path) -> None:
     path = tmp_path / "lab.toml"
     path.write_bytes(b"\xef\xbb\xbf" + toml().replace(b"\n", b"\r\n"))
     assert load_config(path, environ={}).config.session.preset == "paper"
-    path.write_bytes(toml().decode().encode("utf-16"))
-    with pytest.raises(ConfigError, match="not UTF-8 text"):
-        load_config(path, environ={})
 
 
 def test_an_array_that_is_larger_than_its_file_asks_for_no_memory() -> None:
