@@ -130,7 +130,7 @@ class MaskingSound(Opened):
         if stream is None:
             return
         self._fading = True
-        end_sound(stream, lambda: self._silent, 2 * _RAMP_S)
+        end_sound(stream, lambda: self._silent, 4 * _RAMP_S)
 
     def render(self, n: int) -> NDArray[np.float32]:
         """Make the next samples, float32 (n, 2), -1 to 1.

@@ -40,7 +40,7 @@ _LOUDEST = 1 / 8
 # From silence to full drive in so long: at once to the ear, without a click.
 _RAMP_S = 0.005
 # Closing waits so long at most for the tones to fade.
-_FADE_S = 0.2
+_FADE_S = 0.5
 
 
 class SoundVestOptions(VestOptions, frozen=True):
