@@ -223,7 +223,7 @@ OF_RUNS: Final = (
     ),
     Guard(
         "a file of any size is read",
-        "tega/property/test_foreign_files::settings_are_refused_by_their_own_error",
+        "tega/property/test_foreign_files::a_file_larger_than_any_of_its_kind_is_refused_unread",
         "    if there.st_size > most_mib * MIB:",
     ),
     Guard(

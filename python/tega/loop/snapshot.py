@@ -193,7 +193,7 @@ class Moments:
                 vest=vest,
                 command=0.0,
                 target_rad=None,
-                arm=view.arm and "led no more: the run has ended",
+                arm=view.arm and "the run has ended",
                 seen_arm=None,
                 reflex="",
                 alerts=(*view.alerts, *(f"on the way out: {problem}" for problem in problems)),

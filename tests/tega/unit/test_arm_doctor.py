@@ -124,7 +124,7 @@ def test_page_and_terminal_say_what_the_arm_does_and_where_the_hand_is() -> None
     observed(views.append, moments._bus)
     moments.stopped(None, [])
     assert views[0].reflex == ""
-    assert arm_html(views[0]).endswith("<b>arm</b> led no more: the run has ended</div>")
+    assert arm_html(views[0]).endswith("<b>arm</b> the run has ended</div>")
 
 
 def test_an_arm_whose_poses_cannot_be_read_is_stopped_for_that_reason() -> None:

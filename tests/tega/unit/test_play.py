@@ -287,5 +287,5 @@ def test_the_recorded_arm_and_the_markers_are_seen_again_and_no_arm_is_moved(tmp
             assert arm.hand_m[0] == pytest.approx(0.5 + 0.1 * (from_s + t_ns / 1e9), abs=0.1 / 20)
             assert arm.behind_mm == pytest.approx(10.0)
             assert arm.dead_man
-        assert views[-1].arm == "as recorded: following: the arm follows the forearm"
+        assert views[-2].arm == "as recorded: following: the arm follows the forearm"
         assert views[-1].arm_height_m == pytest.approx(0.3)
