@@ -220,12 +220,12 @@ def test_it_shows_the_rest_and_what_is_wrong_but_never_the_condition(folder: Pat
         assert minutes * 60 + seconds == pytest.approx(60.0, abs=30.0)  # a busy machine takes its time
         assert "REST, then trial 2 · bag" in str(app.query_one("#phase", Static).render())
         started(main, 2)
-        health = ("thumb: no pictures",)
+        health = ("thumb[/b]: no pictures",)
         running = SessionBoard(t_ns=time.monotonic_ns(), phase="trial", trial=2, object="bag", health=health)
         write_board(board_path(folder, "p01"), running)
         await made.pause(0.3)
         assert "TRIAL 2" in str(app.query_one("#phase", Static).render())
-        assert "no pictures" in str(app.query_one("#health", Static).render())
+        assert "thumb[/b]: no pictures" in str(app.query_one("#health", Static).render())
         displayed = " ".join(str(one.render()) for one in app.query(Static))
         assert "haptic" not in displayed
 

@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import ClassVar
 
+from rich.markup import escape
 from textual import events
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
@@ -154,7 +155,7 @@ class Console(App[None]):
             self._put(kind, f"{_NAMES[kind]}  [b]{kinds.count(kind)}[/]")
         self._put("list", _listed(now))
         health = () if now.board is None or not now.led else now.board.health
-        self._put("health", "\n".join(f"[b red]! {one}[/]" for one in health) or _fine(now))
+        self._put("health", "\n".join(f"[b red]! {escape(one)}[/]" for one in health) or _fine(now))
 
     def _refused(self, why: str) -> None:
         """Say why a key was refused, where it was."""
