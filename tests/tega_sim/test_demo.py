@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -187,6 +188,23 @@ def test_preparing_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
     assert result.exit_code == 1  # click's for an interrupt; the program's own is 130
     assert "Aborted" in result.output
     assert begun == []
+
+
+@pytest.mark.slow
+def test_a_demo_whose_recording_stopped_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    full = shutil.disk_usage(tmp_path)._replace(free=0)
+    monkeypatch.setattr("tega.recording.mcap_recorder.shutil.disk_usage", lambda _: full)
+    words = [
+        "--fast",
+        "--objects",
+        "bottle",
+        "--out",
+        str(tmp_path / "out"),
+        "--record",
+        str(tmp_path / "rec"),
+    ]
+    result = CliRunner().invoke(demo, words)
+    assert str(result.exception).startswith("recording stopped after 0.0 s: 0 MiB left")
 
 
 @posix

@@ -110,6 +110,7 @@ def demo(
     from tega.runtime.threads import short_turns
     from tega.safety.stop import CtrlC
     from tega.ui.cli.options import with_origin
+    from tega.ui.cli.report import check_recorded
     from tega_sim.demo import demo_outputs, draw_demo, prepare_demo, run_demo, write_demo
     from tega_sim.trials import plan_trials
 
@@ -164,8 +165,10 @@ def demo(
     else:
         _print(report, real_time=not fast)
         click.echo(f"{left} are in {out_dir}")
-        if record is not None:
-            click.echo(f"recorded in {record}; look into it: tega-teleop recording inspect {record}")
+    for recording in () if recorder is None else recorder.reported:
+        check_recorded(recording)
+    if record is not None and not as_json:
+        click.echo(f"recorded in {record}; look into it: tega-teleop recording inspect {record}")
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,14 +31,19 @@ def echo_summary(summary: dict[str, Any], *, wall_s: float, as_json: bool) -> No
         echo_json({**summary, "measured": measured})
     else:
         print_summary(summary, measured=measured)
-    recording = summary.get("recording")
-    if recording is not None and recording["state"] != "complete":
+    if (recording := summary.get("recording")) is not None:
+        check_recorded(recording)
+    if summary["ended"] == "stopped":
+        raise KeyboardInterrupt
+
+
+def check_recorded(recording: Mapping[str, Any]) -> None:
+    """Raise ``RecordingError`` if a recording, by its summary, stopped before what it records."""
+    if recording["state"] != "complete":
         raise RecordingError(
             f"recording stopped after {recording['duration_s']:.1f} s: {recording['reason']}",
             f"{recording['file']} holds what came before",
         )
-    if summary["ended"] == "stopped":
-        raise KeyboardInterrupt
 
 
 def _print_link(out: Console, net: dict[str, Any]) -> None:
