@@ -64,11 +64,12 @@ for message in reader.messages():
         exchanged += value.HasField("closure")
     elif message.topic == "/vest/frame":
         vest[value.layout, len(value.intensities), max(value.intensities) > 0] += 1
+replay = replay_file(file)
 print(json.dumps({
     "more": [[*key, n] for key, n in sorted(more.items())],
     "between": len([c for c in closures if 0 < c < 1]), "range": [min(closures), max(closures)],
     "exchanged": exchanged, "vest": list(vest), "toml": reader.files["session.toml"].decode(),
-    "same": replay_file(file).same,
+    "same": replay.same, "different": [repr(stream) for stream in replay.streams if stream.differ],
 }))
 """
 
@@ -170,7 +171,7 @@ def test_the_examples_run_on_emulated_devices_and_are_recorded(fresh: Path, tmp_
     assert {tuple(row[:2]) for row in reported["vest"]} == {("sleeve16", 16)}
     assert any(lit for _, _, lit in reported["vest"])
     assert all(stage["name"] in reported["toml"] for stage in STAGES.values())
-    assert reported["same"]
+    assert reported["same"], reported["different"]
 
 
 def test_without_its_package_a_recording_says_what_is_missing(tmp_path: Path) -> None:
