@@ -40,6 +40,7 @@ from tega.recording.mcap_recorder import McapRecorder
 from tega.recording.pictures import cell_sums, read_sums
 from tega.recording.recorder_process import RecorderProcess
 from tega.recording.replay import replay_file
+from tega.recording.replay.feed import Newest
 from tega.records import BusFrame, Contact, HandCommand, Intent, Marker, Picture
 from tega.records.base import Ns, Record
 from tega.records.run import RecorderStatus, RunState
@@ -239,6 +240,13 @@ def test_a_file_that_cannot_be_finished_is_not_called_complete(tmp_path, part, n
     assert (facts["state"], facts["file"]) == ("stopped", recorder._part.name)
     assert (recorder._file._raw.closed, recorder._file.disk._thread.is_alive()) == (True, False)
     recorder.leave()
+
+
+def test_two_records_of_one_time_are_returned_in_turn() -> None:
+    newest = Newest[Marker]()
+    newest.rows.extend(Marker(t_ns=t_ns, text=text) for t_ns, text in ((1, "a"), (2, "b"), (2, "c")))
+    found = [newest.at(t_ns) for t_ns in (2, 2, 2, 3)]
+    assert [one and one.text for one in found] == ["b", "c", None, None]
 
 
 def begun(folder: Path, settings: RecordingSection = SETTINGS) -> RecorderProcess:

@@ -57,9 +57,11 @@ class Newest(Generic[Stamped]):
         return rows[0] if rows and rows[0].t_ns <= t_ns else None
 
     def at(self, t_ns: int) -> Stamped | None:
-        """Return the record of exactly this time, or ``None``."""
-        newest = self.until(t_ns)
-        return newest if newest is not None and newest.t_ns == t_ns else None
+        """Return the next record of exactly this time, or ``None``: two of one time are returned in turn."""
+        rows = self.rows
+        while rows and rows[0].t_ns < t_ns:
+            rows.popleft()
+        return rows.popleft() if rows and rows[0].t_ns == t_ns else None
 
 
 class RecordFeed:
