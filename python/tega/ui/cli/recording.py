@@ -47,13 +47,16 @@ def inspect(*, session: Path, as_json: bool) -> None:
 def _show(found: Inspection) -> None:
     from datetime import UTC, datetime
 
+    from rich.text import Text
+
     from tega.config.person import ONSET_STAGE
     from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
-    console.print(f"{found.file}  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}")
+    about = f"  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}"
+    console.print(Text.assemble((found.file, "bold"), about))
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
     for step in found.origin:

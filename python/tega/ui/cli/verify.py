@@ -76,10 +76,13 @@ def replay_session(
 
 
 def _show(replay: Replay) -> None:
+    from rich.text import Text
+
     from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
-    console.print(f"{replay.file}  {replay.duration_s:.1f} s re-run{_inputs(replay)}", soft_wrap=True)
+    about = f"  {replay.duration_s:.1f} s re-run{_inputs(replay)}"
+    console.print(Text.assemble((replay.file, "bold"), about), soft_wrap=True)
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
