@@ -12,7 +12,7 @@ pub(crate) const MARGIN: usize = LANES - 1;
 /// Magnitudes below this count as zero: far under any signal, far over the subnormal numbers, which are slow.
 const TINY: f64 = 1e-250;
 /// Rows between two sweeps that clear decayed states. Counted from the start of the stream, not of the chunk.
-const SWEEP_ROWS: usize = 32;
+pub(crate) const SWEEP_ROWS: usize = 32;
 
 /// Two delays for each section.
 type GroupState = [[Lanes; 2]; MAX_SECTIONS];
@@ -23,7 +23,7 @@ pub(crate) struct BiquadBank {
     sections: Vec<Section>,
     channels: usize,
     groups: Vec<GroupState>,
-    rows_to_sweep: usize,
+    pub(crate) rows_to_sweep: usize,
 }
 
 impl BiquadBank {
@@ -44,6 +44,25 @@ impl BiquadBank {
             x = y;
         }
         x
+    }
+
+    /// Whether a channel's state is, bit for bit, that of another bank's channel.
+    pub(crate) fn is_like(&self, channel: usize, other: &Self, its: usize) -> bool {
+        self.state(channel).eq(other.state(its))
+    }
+
+    /// Put a channel into the state of another bank's channel, of the same filter.
+    pub(crate) fn take_state(&mut self, channel: usize, other: &Self, its: usize) {
+        let group = self.groups.get_mut(channel / LANES).into_iter().flatten().flatten();
+        for (own, its) in group.zip(other.state(its)) {
+            own.0[channel % LANES] = f64::from_bits(its);
+        }
+    }
+
+    /// The bits of a channel's delays.
+    fn state(&self, channel: usize) -> impl Iterator<Item = u64> {
+        let group = self.groups.get(channel / LANES).into_iter().flatten().flatten();
+        group.map(move |lanes| lanes.0[channel % LANES].to_bits())
     }
 
     /// Filter whole rows into `out`, which is longer than they are by [`MARGIN`]; what lies there is overwritten.

@@ -4,6 +4,7 @@ use crate::bank::{BiquadBank, MARGIN};
 use crate::butterworth::Sos;
 use crate::error::EmgError;
 use crate::guard::Guard;
+use crate::pieces::LongBank;
 use tega_error::{OutOfRange, UnknownChoice, choice};
 
 /// Values handled at a time: few enough to stay in the first-level cache.
@@ -58,7 +59,7 @@ fn patience(rate_hz: f64) -> usize {
 pub(crate) struct Chain {
     guard: Guard,
     offset: Option<BiquadBank>,
-    lowpass: BiquadBank,
+    lowpass: LongBank,
     channels: usize,
     rows_at_a_time: usize,
     held: Vec<f64>,
@@ -93,7 +94,7 @@ impl Chain {
         let rows_at_a_time = (VALUES / channels).max(FEWEST_ROWS);
         let buffer = vec![0.0; channels * rows_at_a_time + MARGIN];
         let (held, swing, filtered) = (buffer.clone(), buffer.clone(), buffer);
-        let lowpass = BiquadBank::new(sos, channels);
+        let lowpass = LongBank::new(sos, channels);
         Ok(Self { guard, offset: None, lowpass, channels, rows_at_a_time, held, swing, filtered })
     }
 
@@ -111,7 +112,12 @@ impl Chain {
 
     /// Filter the first rows of `samples`, at most `limit`, and return them; at least one if there is one.
     pub(crate) fn advance(&mut self, samples: &[f64], limit: usize) -> &[f64] {
-        let offered = (samples.len() / self.channels).min(limit).min(self.rows_at_a_time) * self.channels;
+        let there = (samples.len() / self.channels).min(limit);
+        let most = match self.lowpass.stretch() {
+            Some([least, most]) if there >= least => most,
+            _ => self.rows_at_a_time,
+        };
+        let offered = there.min(most) * self.channels;
         let mut rows = self.guard.take(&samples[..offered], &mut self.held);
         for channel in self.guard.restarts() {
             let mut level = rows[channel];
@@ -119,6 +125,11 @@ impl Chain {
                 level = offset.settle(channel, level).abs();
             }
             self.lowpass.settle(channel, level);
+        }
+        let needed = rows.len() + MARGIN;
+        if self.filtered.len() < needed {
+            self.swing.resize(needed, 0.0);
+            self.filtered.resize(needed, 0.0);
         }
         if let Some(offset) = &mut self.offset {
             offset.process(rows, &mut self.swing);

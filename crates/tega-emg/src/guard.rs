@@ -46,11 +46,15 @@ impl Guard {
     pub(crate) fn take<'a>(&mut self, rows: &'a [f64], held: &'a mut [f64]) -> &'a [f64] {
         let width = self.channels.len();
         self.channels.iter_mut().for_each(|c| c.restart = false);
-        if self.calm && all_good(rows) {
-            if let Some(last) = rows.rchunks_exact(width).next() {
+        if self.calm {
+            // As many at a time as are held, so that no row is looked at more than twice.
+            let at_a_time = (held.len() / width).max(1) * width;
+            let good = rows.chunks(at_a_time).take_while(|rows| all_good(rows)).map(<[f64]>::len).sum();
+            let good = &rows[..good];
+            if let Some(last) = good.rchunks_exact(width).next() {
                 self.channels.iter_mut().zip(last).for_each(|(c, x)| c.last = Some(*x));
+                return good;
             }
-            return rows;
         }
         self.calm = false;
         let mut taken = 0;

@@ -30,6 +30,7 @@ mod lanes;
 mod level;
 mod lowpass;
 mod mains;
+mod pieces;
 mod steady;
 mod votes;
 
