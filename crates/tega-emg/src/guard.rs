@@ -32,6 +32,16 @@ fn all_good(samples: &[f64]) -> bool {
     samples.iter().fold(true, |good, x| good & is_good(*x))
 }
 
+/// The first rows in which no sample has to be replaced; looked for `held` values at a time, so that no row that has to
+/// be held is looked at more than twice.
+fn first_good(rows: &[f64], held: usize, width: usize) -> &[f64] {
+    if rows.len() <= held {
+        return if all_good(rows) { rows } else { &[] };
+    }
+    let at_a_time = (held / width).max(1) * width;
+    &rows[..rows.chunks(at_a_time).take_while(|rows| all_good(rows)).map(<[f64]>::len).sum()]
+}
+
 impl Guard {
     /// `patience` is in samples; `usize::MAX` means a channel never goes bad.
     pub(crate) fn new(channels: usize, patience: usize) -> Self {
@@ -47,10 +57,7 @@ impl Guard {
         let width = self.channels.len();
         self.channels.iter_mut().for_each(|c| c.restart = false);
         if self.calm {
-            // As many at a time as are held, so that no row is looked at more than twice.
-            let at_a_time = (held.len() / width).max(1) * width;
-            let good = rows.chunks(at_a_time).take_while(|rows| all_good(rows)).map(<[f64]>::len).sum();
-            let good = &rows[..good];
+            let good = first_good(rows, held.len(), width);
             if let Some(last) = good.rchunks_exact(width).next() {
                 self.channels.iter_mut().zip(last).for_each(|(c, x)| c.last = Some(*x));
                 return good;

@@ -41,7 +41,8 @@ def bench(ctx: click.Context, /, *, picture: Path | None, quick: bool, as_json: 
                 to_best_peer, error: {centroid_px, spread_relative, eda_pixels, cci_relative} or null}]
       widths    [{size, strided, to_floor: {kernel: ...}, peer_to_ours: {law: ...}}]: over NumPy's or-reduce; OpenCV's
                 fastest form over ours
-      emg       [{case: block|bulk, variant, n_rows, time, ns_per_sample, to_best_peer, error_of_full_scale}]
+      emg       [{case: block|bulk|one channel, variant, n_rows, time, ns_per_sample, to_best_peer,
+                error_of_full_scale}]
       batches   [{reading, n_frames, one_by_one: {median_us, ...}, at_once: {median_us, ...}, to_one_by_one}]
       tick      [{reading, n_in_contact, stages_us: {stage: ...}, total: {median_us, p99_us, n_calls}}]
     to_floor and to_best_peer are times over the time of the reference: below 1 is faster.

@@ -35,7 +35,7 @@ def filters(first: Samples) -> dict[str, Filter]:
 
     Each is settled on ``first``, the first row of the samples, (channels,).
     """
-    made: dict[str, Filter] = {"TEGA": ButterworthLowpass(RATE_HZ, CUTOFF_HZ, ORDER, CHANNELS).process}
+    made: dict[str, Filter] = {"TEGA": ButterworthLowpass(RATE_HZ, CUTOFF_HZ, ORDER, first.size).process}
     if find_spec("scipy") is not None:
         made |= _scipy(first)
         if find_spec("numba") is not None:

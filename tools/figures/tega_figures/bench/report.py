@@ -13,7 +13,7 @@ import numpy as np
 from tega_figures.bench.batches import BatchRow, batch_rows
 from tega_figures.bench.filters import (
     BLOCK_ROWS,
-    CHANNELS,
+    Samples,
     error_of_full_scale,
     filters,
     signal,
@@ -82,19 +82,22 @@ class ContactRow(msgspec.Struct, frozen=True, kw_only=True):
     error: ContactError | None
 
 
+FilterCase = Literal["block", "bulk", "one channel"]
+
+
 class FilterRow(msgspec.Struct, frozen=True, kw_only=True):
     """One way to low-pass EMG.
 
     Attributes:
-        case: ``block`` of 10 rows or ``bulk``.
+        case: ``block`` of 10 rows, ``bulk``, or ``one channel`` in bulk.
         variant: TEGA or a peer.
-        n_rows: Rows of three channels in a call.
+        n_rows: Rows in a call, of three channels or one.
         ns_per_sample: Median over rows and channels.
         to_best_peer: A call's time over that of the fastest peer.
         error_of_full_scale: Largest deviation from 60 digits over the converter's range.
     """
 
-    case: Literal["block", "bulk"]
+    case: FilterCase
     variant: str
     n_rows: int
     time: Timing
@@ -231,12 +234,16 @@ def _best_peer(turns: Mapping[str, list[list[int]]]) -> str | None:
 
 
 def filter_rows(*, budget_s: float) -> list[FilterRow]:
-    """Measure the EMG low-passes on short blocks and in bulk."""
+    """Measure the EMG low-passes on short blocks and in bulk, and in bulk on one channel alone."""
     errors = _filter_errors()
     rows: list[FilterRow] = []
-    cases: tuple[tuple[Literal["block", "bulk"], int], ...] = (("block", BLOCK_ROWS), ("bulk", BULK_ROWS))
-    for case, n_rows in cases:
-        samples = signal(n_rows)
+    bulk = signal(BULK_ROWS)
+    cases: dict[FilterCase, Samples] = {
+        "block": signal(BLOCK_ROWS),
+        "bulk": bulk,
+        "one channel": np.ascontiguousarray(bulk[:, :1]),
+    }
+    for case, samples in cases.items():
         calls = {name: partial(run, samples) for name, run in filters(samples[0]).items()}
         turns = take_turns(calls, budget_s=budget_s)
         best = _best_peer(turns)
@@ -246,9 +253,9 @@ def filter_rows(*, budget_s: float) -> list[FilterRow]:
                 FilterRow(
                     case=case,
                     variant=name,
-                    n_rows=n_rows,
+                    n_rows=len(samples),
                     time=time,
-                    ns_per_sample=time.median_us * 1000 / (n_rows * CHANNELS),
+                    ns_per_sample=time.median_us * 1000 / samples.size,
                     to_best_peer=ratio(own, turns[best]) if best else None,
                     error_of_full_scale=errors[name],
                 )

@@ -73,10 +73,11 @@ def print_bench(report: BenchReport) -> None:
     _print_table(
         out,
         "EMG low-pass, 4th order, 3 channels",
-        ("variant", "rows", "median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"),
+        ("variant", "case", "rows", "median µs", "p99 µs", "ns/sample", "× best peer", "error/full scale"),
         (
             (
                 row.variant,
+                row.case,
                 str(row.n_rows),
                 f"{row.time.median_us:.2f}",
                 f"{row.time.p99_us:.2f}",
