@@ -150,19 +150,21 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
         let of_steps = if KEPT { STEP * self.parts.steps } else { 0 };
         let (kept_steps, kept_others) = kept.split_at_mut(of_steps);
         let columns_of_steps = columns.get_mut(LANES..).unwrap_or_default().as_chunks_mut::<STEP>().0;
-        let mut kept_steps = kept_steps.as_chunks_mut::<STEP>().0.iter_mut();
-        for (step, columns) in columns_of_steps.iter_mut().enumerate().take(self.parts.steps) {
+        let kept_steps = kept_steps.as_chunks_mut::<STEP>().0;
+        // The least of all, which leaves no bound to check within the loop.
+        let there = if KEPT { kept_steps.len() } else { self.parts.steps };
+        for step in 0..self.parts.steps.min(columns_of_steps.len()).min(there) {
             let mut n = [first; GROUPS];
             for (k, n) in n.iter_mut().enumerate() {
                 // SAFETY: it is one of the steps.
                 *n = self.products.of_step::<DIFFERENCE>(k, unsafe { images.step(step) });
                 lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n, *n);
-                add(columns, LANES * k, *n);
+                add(&mut columns_of_steps[step], LANES * k, *n);
             }
-            if KEPT && let Some(kept) = kept_steps.next() {
+            if KEPT {
                 let [a, b, c, d] = n;
-                keep(kept, 0, &mut lanes.max, [a, b]);
-                keep(kept, 2 * LANES, &mut lanes.max, [c, d]);
+                keep(&mut kept_steps[step], 0, &mut lanes.max, [a, b]);
+                keep(&mut kept_steps[step], 2 * LANES, &mut lanes.max, [c, d]);
             }
         }
         self.last_eights::<DIFFERENCE, SQUARES, KEPT>(first, images, columns, kept_others, &mut lanes);
