@@ -2,6 +2,8 @@
 //!
 //! The mean of a cell is also the smoothing that the touch reading needs, so both cost one read of the picture.
 
+use std::array::from_fn;
+
 use ndarray::ArrayView3;
 
 use crate::frame::{lines, whole_rows};
@@ -58,6 +60,10 @@ pub(super) struct Strip {
 
 /// Bytes of two pixels, and two more.
 const PAIR: usize = 8;
+/// The bits of one pixel's sums.
+const ONE: u64 = (1 << (3 * u16::BITS)) - 1;
+/// Sums that are added up at once.
+const VECTOR: usize = 16;
 /// Bytes whose sum fits 16 bits.
 const TOGETHER: usize = 256;
 /// Rows that are summed at a time, at most.
@@ -146,12 +152,35 @@ fn sum_rows(rows: &[&[u8]], sums: &mut [u16]) {
 /// Adds as many rows, at once, to the kept bits of their columns' sums.
 #[inline(always)]
 fn add_rows<const N: usize>(rows: &[&[u8]], sums: &mut [u16], kept: u16) {
-    let rows: [&[u8]; N] = std::array::from_fn(|row| rows.get(row).copied().unwrap_or_default());
+    let rows: [&[u8]; N] = from_fn(|row| rows.get(row).copied().unwrap_or_default());
     let n = rows.iter().map(|row| row.len()).min().unwrap_or_default().min(sums.len());
     let (rows, sums) = (rows.map(|row| &row[..n]), &mut sums[..n]);
-    for k in 0..n {
-        sums[k] = (sums[k] & kept) + rows.iter().map(|row| u16::from(row[k])).sum::<u16>();
+    let Some(end) = sums.last_chunk().copied() else {
+        for k in 0..n {
+            sums[k] = (sums[k] & kept) + rows.iter().map(|row| u16::from(row[k])).sum::<u16>();
+        }
+        return;
+    };
+    // The last vector overlaps the one before it, so both add to what was there.
+    let end = added(end, kept, rows.map(|row| row.last_chunk().unwrap_or(&[0; VECTOR])));
+    let vectors = sums.as_chunks_mut().0;
+    let bytes = rows.map(|row| &row.as_chunks().0[..vectors.len()]);
+    for (k, sums) in vectors.iter_mut().enumerate() {
+        *sums = added(*sums, kept, bytes.map(|row| &row[k]));
     }
+    if let Some(last) = sums.last_chunk_mut() {
+        *last = end;
+    }
+}
+
+/// Bytes of rows, added to the kept bits of their sums.
+#[inline(always)]
+fn added<const N: usize>(sums: [u16; VECTOR], kept: u16, rows: [&[u8; VECTOR]; N]) -> [u16; VECTOR] {
+    let mut total = sums.map(|sum| sum & kept);
+    for row in rows {
+        (0..VECTOR).for_each(|lane| total[lane] += u16::from(row[lane]));
+    }
+    total
 }
 
 /// Sums the columns' sums over the pairs of pixels of each cell, and adds an odd side's last pixel.
@@ -167,14 +196,25 @@ fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
         }
         *out = sum;
     }
-    // In a loop of its own: three lanes of eight would take the vector above apart.
+    // In a loop of its own: three lanes of eight would take the vector above apart. They are added as one number, since
+    // no lane overflows.
     if !side.is_multiple_of(2) {
-        for (out, cell) in pairs.iter_mut().zip(sums.chunks_exact(3 * side)) {
-            if let Some(last) = cell.last_chunk::<3>() {
-                (0..3).for_each(|lane| out[lane] += last[lane]);
+        let last = sums.get(3 * (side - 1)..).unwrap_or_default().windows(PAIR / 2).step_by(3 * side);
+        for (out, last) in pairs.iter_mut().zip(last) {
+            if let (Some(out), Some(last)) = (out.first_chunk_mut(), last.first_chunk()) {
+                *out = lanes(number(*out) + (number(*last) & ONE));
             }
         }
     }
+}
+
+/// Half a pair's sums as one number, and back.
+fn number(sums: [u16; PAIR / 2]) -> u64 {
+    sums.into_iter().rev().fold(0, |number, sum| (number << u16::BITS) | u64::from(sum))
+}
+
+fn lanes(number: u64) -> [u16; PAIR / 2] {
+    from_fn(|lane| (number >> (u16::BITS * lane as u32)) as u16)
 }
 
 /// Adds the sums of the first and of the second pixels of pairs to the kept bits of those of cells.
