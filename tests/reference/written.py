@@ -85,8 +85,8 @@ def watch_recordings(patch: Any) -> list[str]:
         if message := mcap_trouble(path.read_bytes()):
             troubles.append(f"{path}: {message}")
 
-    def closed(recorder: Any, summary: bytes) -> None:
-        close(recorder, summary)
+    def closed(recorder: Any, *how: Any) -> None:
+        close(recorder, *how)
         if recorder.state == "complete" and recorder.path.is_file():  # not a pipe
             check(recorder.path)
 

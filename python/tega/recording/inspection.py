@@ -11,6 +11,7 @@ import numpy as np
 
 from tega.config.person import ONSET_STAGE
 from tega.loop.inbox.histogram import LEAST_SAMPLES
+from tega.recording.mcap_folder import noted
 from tega.recording.mcap_reader import McapReader, Message
 from tega.recording.origin import absent_features, origins, span
 from tega.records import Latency as LatencyRecord
@@ -72,6 +73,7 @@ class Inspection(msgspec.Struct, frozen=True):
     Attributes:
         complete: Whether the run that made it finished it.
         cut: Reason for an early end of reading, in a word; ``""`` for none.
+        stopped: Reason why the recording ended before its run, such as a full disk; ``""`` for none.
         lossless: Whether the pictures are as they were.
         origin: For one made by `trim` or `merge`, the steps from the run's own file to this one.
         from_s: Beginning of the recording in its session.
@@ -89,6 +91,7 @@ class Inspection(msgspec.Struct, frozen=True):
     file: str
     complete: bool
     cut: str
+    stopped: str
     lossless: bool
     origin: list[dict[str, str]]
     from_s: float
@@ -130,11 +133,14 @@ def inspect_file(path: Path) -> Inspection:
         for name, text in reader.metadata.get("sources", {}).items()
         if (info := msgspec.json.decode(text))
     }
+    # Earlier versions, and files that took no more, have the reason only in the index.
+    stopped = reader.metadata.get("end", {}).get("reason") or noted(path, "reason")
     paced = b'pace = "real"' in reader.files.get("session.toml", b"")
     return Inspection(
         file=path.name,
-        complete=reader.complete,
+        complete=reader.complete and not stopped,
         cut=reader.cut,
+        stopped=stopped,
         lossless=facts.get("lossless") == "true",
         origin=origins(reader.metadata),
         from_s=span(reader.metadata).from_ns / 1e9,

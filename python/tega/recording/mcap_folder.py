@@ -187,12 +187,17 @@ def _index(folder: Path) -> dict[str, Any]:
 
 def recorded_task(recording: Path) -> str | None:
     """Return the task of a recording from the index beside it; ``None`` if there is none."""
+    return noted(recording, "task") or None
+
+
+def noted(recording: Path, key: str) -> str:
+    """Return a text about a recording from the index beside it; ``""`` if there is none."""
     with contextlib.suppress(RecordingError):
         for trial in _index(recording.parent)["trials"]:
-            if trial["file"] == recording.name:
-                task = trial.get("task")
-                return task if isinstance(task, str) and task else None
-    return None
+            if trial["file"] == recording.name.removesuffix(_PART):
+                text = trial.get(key)
+                return text if isinstance(text, str) else ""
+    return ""
 
 
 def in_order(name: str) -> tuple[int, str]:

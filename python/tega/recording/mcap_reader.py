@@ -127,8 +127,8 @@ class McapReader:
 
     @property
     def complete(self) -> bool:
-        """Whether the file was finished, and not recovered or cut, as far as that is known yet."""
-        return not self.cut and "end" in self.metadata
+        """Whether the file was finished, and not stopped, recovered or cut, as far as that is known yet."""
+        return not self.cut and self.metadata.get("end", {}).get("state") == "complete"
 
     def begin(self) -> Message | None:
         """Read up to the first message, before which are the head's tables and attachments, and return that."""

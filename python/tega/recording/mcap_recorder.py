@@ -200,20 +200,21 @@ class McapRecorder:
         self._file.write(status, self._newest_ns)
         settings = self._settings
         if free < settings.stop_free_mib * _MIB:
-            self._close_file(b"")
             left = "left on the disk, recording.stop_free_mib is"
-            self._stop(f"{free / _MIB:.0f} MiB {left} {settings.stop_free_mib:g}")
+            reason = f"{free / _MIB:.0f} MiB {left} {settings.stop_free_mib:g}"
+            self._close_file(b"", reason)
+            self._stop(reason)
         elif free < settings.warn_free_mib * _MIB and not self._warned:
             self._warned = True
             _LOG.warning("recording: only %.0f MiB left on the disk", free / _MIB)
 
-    def _close_file(self, summary: bytes) -> None:
+    def _close_file(self, summary: bytes, reason: str = "") -> None:
         dropped = {topic: str(n) for topic, n in self._dropped.items()}
         try:
             if summary:
                 self._file.attach("summary.json", "application/json", summary)
             self._file.metadata("dropped", dropped)
-            self._file.metadata("end", {"state": "complete"})
+            self._file.metadata("end", {"state": "stopped" if reason else "complete", "reason": reason})
             self._file.close()
             if (failed := self._file.disk.error) is None:
                 self._part.replace(self.path)

@@ -55,6 +55,8 @@ def _show(found: Inspection) -> None:
     console = wide_console()
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
+    if found.stopped:
+        state = printable(f"ended before its run: {found.stopped}")
     about = f"  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}"
     console.print(Text.assemble((found.file, "bold"), about))
     kind = "lossless" if found.lossless else "pictures as JPEG"
