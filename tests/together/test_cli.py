@@ -232,6 +232,9 @@ def test_a_vest_that_says_nothing_and_a_run_without_anything() -> None:
     assert course.words() == []
     bus.publish(VestFrame(t_ns=0, layout="x16", intensities=(0,) * 16))
     assert course.words() == ["vest: silent throughout"]
+    for t_s in (5, 0, 1):
+        bus.publish(Contact(finger="thumb", t_ns=t_s * 10**9, in_contact=True))
+    assert "1 contact, 1.5 s in all" in course.words()[0]
 
 
 def test_motors_are_in_the_order_in_which_they_are_worn(course: RunCourse) -> None:

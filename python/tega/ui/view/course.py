@@ -85,7 +85,7 @@ def _finger_words(course: FingerCourse) -> str:
         return "never touched"
     begins = np.flatnonzero(np.diff(course.in_contact.astype(np.int8), prepend=0) == 1)
     # A picture counts until the next one; the last one as long as they usually do.
-    step_s = np.diff(course.t_s)
+    step_s = np.diff(course.t_s).clip(min=0.0)  # of a device whose clock was set back
     lasts_s = np.append(step_s, np.median(step_s) if len(step_s) else 0.0)
     touched_s = float(lasts_s[course.in_contact].sum())
     most = int(np.argmax(np.where(course.in_contact, course.eda_norm + course.cci_norm, -1.0)))
