@@ -111,7 +111,7 @@ class RerunStream:
             case RunState():
                 displayed = rr.TextLog(f"{record.state}: {record.reason}")
             case Alert():
-                displayed = rr.TextLog(record.said or f"{record.name}: recovered", level="WARN")
+                displayed = rr.TextLog(record.said or f"over: {record.name}", level="WARN")
             case Event():
                 displayed = rr.TextLog(record.words)
             case LogLine():

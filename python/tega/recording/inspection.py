@@ -171,6 +171,7 @@ class _Messages:
         self.ended = ""
         self.newest_ns = self.epoch_ns = 0
         self._received: dict[tuple[str, int], int] = {}
+        self._said: dict[str, str] = {}
 
     def take(self, message: Message) -> None:
         value, t_ns = message.value, message.log_ns - self.epoch_ns
@@ -219,8 +220,8 @@ class _Messages:
                     sentence = value.reason
                 self.states.append(Marked(value.t_ns / 1e9, sentence))
             case "tega.Alert":
-                subject = value.said or f"{value.name}: recovered"
-                self.states.append(Marked(value.t_ns / 1e9, subject))
+                before, self._said[value.name] = self._said.get(value.name) or value.name, value.said
+                self.states.append(Marked(value.t_ns / 1e9, value.said or f"over: {before}"))
             case "tega.Latency":
                 route = read(LatencyRecord, value)
                 for stage, ns in route.stages_ns().items():

@@ -43,7 +43,7 @@ from tega.recording.replay import replay_file
 from tega.recording.replay.feed import Newest
 from tega.records import BusFrame, Contact, HandCommand, Intent, Marker, Picture
 from tega.records.base import Ns, Record
-from tega.records.run import RecorderStatus, RunState
+from tega.records.run import Alert, RecorderStatus, RunState
 from tega.records.table import columns, numbers, rows
 from tega.runtime.files.csv_tables import time_text
 from tega_emulators.hid_port import HidBoard, HidPort
@@ -264,11 +264,15 @@ def test_what_it_is_given_is_in_the_file(tmp_path: Path) -> None:
         if k == 25:  # a key press or a shutdown does not end it
             for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
                 os.kill(recorder.pid, number)
+    for said in ("waits", ""):
+        recorder.put(Alert(t_ns=60, name="emg", said=said))
     facts = recorder.finish(b"{}")
     assert (facts["state"], facts["dropped"], recorder.problem()) == ("complete", {}, "")
     assert (facts["written"]["/run/marker"], facts["file"]) == (50, "trial-001.mcap")
-    found = {stream.topic: stream.messages for stream in inspect_file(recorder.path).streams}
+    inspected = inspect_file(recorder.path)
+    found = {stream.topic: stream.messages for stream in inspected.streams}
     assert found["/tactile/thumb/image"] == found["/run/marker"] == 50
+    assert [state.text for state in inspected.states] == ["waits", "over: waits"]
 
 
 def test_a_process_that_stands_still_costs_pictures_which_are_counted_and_nobody_waits(tmp_path):
