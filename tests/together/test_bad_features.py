@@ -218,7 +218,7 @@ TAKEN = (
     [
         (TAKEN.format("--out"), "recording export has an option --out already"),
         (TAKEN.format("--fps"), "recording export has an option --fps already"),  # of LeRobot's format
-        ("odd = 'text'", "feature 'load': tega_load.members:odd"),
+        ("odd = 'text'", "feature 'load': tega_load.members:odd is 'text', not a tega.ui.cli."),
     ],
 )
 def test_a_bad_format_is_left_out_and_the_others_are_there(install, code, named, capsys):

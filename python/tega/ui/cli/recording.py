@@ -112,7 +112,7 @@ def _guest_formats() -> dict[str, ExportFormat]:
     taken = _names(export.params)
     for name, (feature, target) in named("formats").items():
         try:
-            loaded = load_target(target, feature, ExportFormat, "ExportFormat")
+            loaded = load_target(target, feature, ExportFormat, "tega.ui.cli.export_format.ExportFormat")
             names = _names(loaded.options)
             if clash := sorted(names & taken):
                 hint = f"update {feature.package}, or report it to its authors"
@@ -139,7 +139,7 @@ def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> s
     guests = named("formats")
     if value in guests:
         feature, target = guests[value]
-        load_target(target, feature, ExportFormat, "ExportFormat")  # names the package that it lacks
+        load_target(target, feature, ExportFormat, "tega.ui.cli.export_format.ExportFormat")  # names the package that it lacks
     elif value not in OWN_NAMES["formats"]:
         raise click.BadParameter(f"{value!r} is not one of {', '.join((*OWN_NAMES['formats'], *guests))}")
     return value
