@@ -109,6 +109,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("tactile.index.driver=imags", r"no driver is called 'imags'; did you mean 'images'\?"),
         ("tactile.index.driver=emg-file", r"'emg-file' is of kind 'emg', not 'tactile'"),
         ("input.motion.driver=digit", r"input\.motion.*driver 'digit' is of kind 'tactile'"),
+        ('recording.dir="a\\u0000b"', r"recording\.dir = 'a.*b': a path holds no NUL character"),
         ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),

@@ -71,6 +71,8 @@ def paths_below(base: Path) -> Callable[[type, Any], Any]:
     """Return msgspec's hook for paths: relative ones are below ``base``, or here where given outside the file."""
 
     def place(wanted: type, value: Any) -> Any:
+        if "\0" in str(value):
+            raise ValueError("a path holds no NUL character")
         if wanted is Path and isinstance(value, str | Path):
             return (Path.cwd() if isinstance(value, Overridden) else base) / Path(value).expanduser()
         raise TypeError(f"expected {'a path' if wanted is Path else wanted.__name__}")

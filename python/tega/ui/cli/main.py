@@ -159,6 +159,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words[:1] = now.split()
     show_warnings(_warn)
     try:
+        if nul := next((word for word in words if "\0" in word), None):
+            raise click.UsageError(f"{nul!r}: a NUL character stands in no name and no value")
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
         click.echo(f"error: {error.format_message()}", err=True)
