@@ -25,6 +25,7 @@ from tega.recording import export, growing_table
 from tega.recording.export import export_file
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
 from tega.recording.inspection import inspect_file
+from tega.recording.mcap_folder import SessionFolder
 from tega.recording.mcap_reader import read_ahead
 from tega.recording.origin import LEAD_IN
 from tega.recording.remake import merge_sessions
@@ -197,13 +198,14 @@ def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(sho
 
 
 @pytest.mark.parametrize("is_lossless", [True, False])
-def test_a_merged_session_says_whether_its_pictures_are_as_they_were(tmp_path, is_lossless):
+def test_a_merged_session_says_whether_its_pictures_are_as_they_were_and_keeps_tasks(tmp_path, is_lossless):
     whole = record(tmp_path / "whole", duration_s=0.4, lossless=is_lossless)
+    SessionFolder(whole.parent).label("lift")
     early = trim_session(whole, from_s=0.0, to_s=0.2, out=tmp_path / "early")
     late = trim_session(whole, from_s=0.2, to_s=None, out=tmp_path / "late")
     both = merge_sessions([early, late], out=tmp_path / "both")
     noted = json.loads((tmp_path / "both" / "session.json").read_text(encoding="utf-8"))
-    assert [trial["lossless"] for trial in noted["trials"]] == [is_lossless] * 2
+    assert [(trial["lossless"], trial["task"]) for trial in noted["trials"]] == [(is_lossless, "lift")] * 2
     assert [inspect_file(path).lossless for path in both] == [is_lossless] * 2
 
 

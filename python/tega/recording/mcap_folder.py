@@ -190,6 +190,14 @@ def recorded_task(recording: Path) -> str | None:
     return noted(recording, "task") or None
 
 
+def note_made(source: Path, target: Path, *, state: str, lossless: bool, step: dict[str, str]) -> None:
+    """Write into the index how a recording was made out of another, whose task it keeps."""
+    facts: dict[str, Any] = {"state": state, "lossless": lossless, "origin": step}
+    if task := recorded_task(source):
+        facts["task"] = task
+    SessionFolder(target.parent).note(target.name, facts)
+
+
 def noted(recording: Path, key: str) -> str:
     """Return a text about a recording from the index beside it; ``""`` if there is none."""
     with contextlib.suppress(RecordingError):

@@ -9,11 +9,11 @@ from collections.abc import Callable
 from itertools import pairwise
 from operator import attrgetter
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from tega.errors import RecordingError
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
-from tega.recording.mcap_folder import SessionFolder, recorded_task, session_files
+from tega.recording.mcap_folder import note_made, session_files
 from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import McapReader, Message, open_recording, read_picture
 from tega.recording.origin import Tables, new_session, note_copy, origin, span
@@ -109,8 +109,7 @@ def _fit(first: _Part, part: _Part) -> None:
 def _copy(part: _Part, target: Path) -> Path:
     step, _ = _copied(part.path, target, part.tables, "merge", lambda item: item)
     lossless = part.tables["tega"].get("lossless") == "true"
-    facts = {"state": "merged", "lossless": lossless, "origin": step}
-    SessionFolder(target.parent).note(target.name, facts)
+    note_made(part.path, target, state="merged", lossless=lossless, step=step)
     return target
 
 
@@ -136,9 +135,7 @@ def _encode(source: Path, target: Path, quality: int) -> None:
     step, problem = _copied(source, target, tables, f"encode --quality {quality}", _smaller(quality))
     if problem:
         raise RecordingError(f"{source.name}: cannot be read to its end: {problem}", "trim it before")
-    task = recorded_task(source)
-    facts: dict[str, Any] = {"state": "encoded", "lossless": False, "origin": step}
-    SessionFolder(target.parent).note(target.name, facts if task is None else facts | {"task": task})
+    note_made(source, target, state="encoded", lossless=False, step=step)
 
 
 def _copied(

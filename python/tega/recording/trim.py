@@ -14,7 +14,7 @@ from typing import Any
 
 from tega.errors import RecordingError
 from tega.recording.mcap_copy import McapCopy, McapItem, McapRecords
-from tega.recording.mcap_folder import SessionFolder, one_recording
+from tega.recording.mcap_folder import note_made, one_recording
 from tega.recording.mcap_reader import McapReader, open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
@@ -55,8 +55,7 @@ def trim_session(
     with new_file(target) as file:
         _copy(source, check, McapCopy(file), lead_in=check.lead_in if lead_in else b"")
     lossless = check.tables["tega"].get("lossless") == "true"
-    facts = {"state": "trimmed", "lossless": lossless, "origin": check.origin[1]}
-    SessionFolder(out).note(target.name, facts)
+    note_made(source, target, state="trimmed", lossless=lossless, step=check.origin[1])
     return target
 
 
