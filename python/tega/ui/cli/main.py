@@ -90,6 +90,11 @@ class _Verbs(GuestGroup):
             command: click.Command = getattr(importlib.import_module(module, "tega.ui.cli"), function)
         return command
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if nul := next((word for word in args if "\0" in word), None):
+            raise click.UsageError(f"{nul!r}: a NUL character stands in no name and no value", ctx)
+        return super().parse_args(ctx, args)
+
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
@@ -159,8 +164,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         words[:1] = now.split()
     show_warnings(_warn)
     try:
-        if nul := next((word for word in words if "\0" in word), None):
-            raise click.UsageError(f"{nul!r}: a NUL character stands in no name and no value")
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
         click.echo(f"error: {error.format_message()}", err=True)

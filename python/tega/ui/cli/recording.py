@@ -139,7 +139,8 @@ def _check_format(_ctx: click.Context, _param: click.Parameter, value: str) -> s
     guests = named("formats")
     if value in guests:
         feature, target = guests[value]
-        load_target(target, feature, ExportFormat, "tega.ui.cli.export_format.ExportFormat")  # names the package that it lacks
+        # It names the package that it lacks.
+        load_target(target, feature, ExportFormat, "tega.ui.cli.export_format.ExportFormat")
     elif value not in OWN_NAMES["formats"]:
         raise click.BadParameter(f"{value!r} is not one of {', '.join((*OWN_NAMES['formats'], *guests))}")
     return value
