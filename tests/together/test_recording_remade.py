@@ -26,6 +26,7 @@ from tega.recording.export import export_file
 from tega.recording.growing_table import Columns, GrowingCsv, GrowingParquet
 from tega.recording.inspection import inspect_file
 from tega.recording.mcap_folder import SessionFolder
+from tega.recording.mcap_index import open_indexed
 from tega.recording.mcap_reader import read_ahead
 from tega.recording.origin import LEAD_IN
 from tega.recording.remake import merge_sessions
@@ -198,7 +199,7 @@ def test_runs_that_did_not_wait_for_the_clock_are_merged_though_they_overlap(sho
 
 
 @pytest.mark.parametrize("is_lossless", [True, False])
-def test_a_merged_session_says_whether_its_pictures_are_as_they_were_and_keeps_tasks(tmp_path, is_lossless):
+def test_a_merged_session_is_as_its_parts_and_a_damaged_one_is_refused(tmp_path, caplog, is_lossless):
     whole = record(tmp_path / "whole", duration_s=0.4, lossless=is_lossless)
     SessionFolder(whole.parent).label("lift")
     early = trim_session(whole, from_s=0.0, to_s=0.2, out=tmp_path / "early")
@@ -207,6 +208,14 @@ def test_a_merged_session_says_whether_its_pictures_are_as_they_were_and_keeps_t
     noted = json.loads((tmp_path / "both" / "session.json").read_text(encoding="utf-8"))
     assert [(trial["lossless"], trial["task"]) for trial in noted["trials"]] == [(is_lossless, "lift")] * 2
     assert [inspect_file(path).lossless for path in both] == [is_lossless] * 2
+    data, at = late.read_bytes(), (open_indexed(late).middle() or 0) + 53  # where its compressed bytes begin
+    late.write_bytes(data[:at] + bytes(9) + data[at + 9 :])
+    with pytest.raises(
+        RecordingError, match=r"late/trial-001\.mcap: (cannot be read to its end|has no index)"
+    ):
+        merge_sessions([early, late], out=tmp_path / "again")
+    export_file(late, tmp_path / "tables")
+    assert "trial-001.mcap: cannot be read to its end: " in caplog.text
 
 
 def test_recordings_of_the_same_time_are_not_merged(lossless, halves, tmp_path):

@@ -107,7 +107,7 @@ def _fit(first: _Part, part: _Part) -> None:
 
 
 def _copy(part: _Part, target: Path) -> Path:
-    step, _ = _copied(part.path, target, part.tables, "merge", lambda item: item)
+    step = _copied(part.path, target, part.tables, "merge", lambda item: item)
     lossless = part.tables["tega"].get("lossless") == "true"
     note_made(part.path, target, state="merged", lossless=lossless, step=step)
     return target
@@ -132,24 +132,27 @@ def encode_session(session: Path, *, out: Path, quality: int) -> list[Path]:
 @reports_damage
 def _encode(source: Path, target: Path, quality: int) -> None:
     tables = McapReader(source).session_tables()
-    step, problem = _copied(source, target, tables, f"encode --quality {quality}", _smaller(quality))
-    if problem:
-        raise RecordingError(f"{source.name}: cannot be read to its end: {problem}", "trim it before")
+    step = _copied(source, target, tables, f"encode --quality {quality}", _smaller(quality))
     note_made(source, target, state="encoded", lossless=False, step=step)
 
 
 def _copied(
     source: Path, target: Path, tables: Tables, made_by: str, changed: Callable[[McapItem], McapItem]
-) -> tuple[dict[str, str], str]:
-    """Copy each record, changed or not; return the step of the origin, and why the rest cannot be read."""
+) -> dict[str, str]:
+    """Copy each record, changed or not, and return the step of the origin; of a damaged one no file is made."""
     name, step = origin(tables, source, made_by=made_by, part=span(tables))
     with open_recording(source) as old, new_file(target) as file:
         copy, records = McapCopy(file), McapRecords(old)
         copy.writer.add_metadata(name, step)
         for item in records:
             copy.take(changed(item))
+        if records.problem:
+            raise RecordingError(
+                f"{step['session']}/{source.name}: cannot be read to its end: {records.problem}",
+                "trim it before",
+            )
         copy.finish()
-    return step, records.problem
+    return step
 
 
 def _smaller(quality: int) -> Callable[[McapItem], McapItem]:
