@@ -141,6 +141,7 @@ def read_episode(path: Path, *, fps: int, progress: Progress | None = None) -> E
             markers.append(read(Marker, message.value))
         else:
             _keep(stream, message, t_ns)
+    reader.warn_cut()
     if not layout:
         raise RecordingError(f"{path.name}: no recording of a session", "name a file made with --record")
     used = {topic: stream for topic, stream in streams.items() if stream.n or isinstance(stream, Chunks)}

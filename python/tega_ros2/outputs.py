@@ -95,6 +95,7 @@ def _write(reader: McapReader, writer: Any) -> None:
             writer.write(connection, message.log_ns, definitions.store.serialize_cdr(value, kind))
     if converter is None:
         raise RecordingError(f"{reader.path.name}: holds no message", "the run had not begun")
+    reader.warn_cut()
 
 
 def _export(recordings: Sequence[Path], out: Path) -> list[Path]:

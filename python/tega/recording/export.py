@@ -132,6 +132,7 @@ def _write_tables(
         (folder / name).write_bytes(reader.files[name])
     for table in tables.values():
         table.flush()
+    reader.warn_cut()
     return {table.to.path.name: table.to for table in tables.values()}, reader.cut
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import math
 import struct
 from collections.abc import Callable, Container, Generator, Iterator, Mapping
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+
+_LOG = logging.getLogger(__name__)
 
 Item = TypeVar("Item")
 Progress = Callable[[str, int, int], None]
@@ -129,6 +132,12 @@ class McapReader:
     def complete(self) -> bool:
         """Whether the file was finished, and not stopped, recovered or cut, as far as that is known yet."""
         return not self.cut and self.metadata.get("end", {}).get("state") == "complete"
+
+    def warn_cut(self) -> None:
+        """Warn where the file could not be read to its end; whoever exports it writes what comes before."""
+        if self.cut:
+            said = "%s: cannot be read to its end: %s; what comes before is exported, inspect says how far"
+            _LOG.warning(said, self.path.name, self.cut)
 
     def begin(self) -> Message | None:
         """Read up to the first message, before which are the head's tables and attachments, and return that."""
