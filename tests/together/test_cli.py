@@ -81,12 +81,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [
-        (["walk"], "No such command 'walk'"),
-        (["replay"], "--out"),
-        (["devices", "--fast"], "--fast"),
-        (["verify", "a\0b"], r"'a\x00b': a NUL character"),
-    ],
+    [(["walk"], "No such command 'walk'"), (["replay"], "--out"), (["verify", "a\0b"], "a NUL character")],
 )
 def test_wrong_use_ends_with_code_2(capsys, words, message):
     _, err = call(capsys, *words, code=2)
