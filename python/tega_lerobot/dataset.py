@@ -22,6 +22,7 @@ from tega.recording.mcap_reader import Progress
 from tega.recording.origin import note_copy, origins, span
 from tega.runtime.files.foreign_file import plain_name, reports_damage
 from tega.runtime.lifecycle import require
+from tega.runtime.words import printable
 from tega_lerobot.episode import Episode, check_scene, own_scenes, read_episode, scene_frames
 from tega_lerobot.video import (
     CODEC,
@@ -296,8 +297,8 @@ def _source(episode: Episode, number: int) -> dict[str, Any]:
     head = episode.tables.get("tega", {})
     return {
         "episode_index": number,
-        "session": episode.path.resolve().parent.name,
-        "file": episode.path.name,
+        "session": printable(episode.path.resolve().parent.name),
+        "file": printable(episode.path.name),
         "start_ns": episode.start_ns,
         "epoch_ns": int(head.get("epoch_ns", "0")),
         "config_sha256": head.get("config_sha256", ""),

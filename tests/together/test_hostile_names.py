@@ -137,9 +137,14 @@ def test_a_refused_recording_is_closed(stolen: Path, tmp_path: Path) -> None:
     assert stolen not in [path.resolve() for path in Path("/proc/self/fd").iterdir()], refused
 
 
-def test_texts_of_a_recording_are_no_commands_to_a_terminal(short, tmp_path, capsys):
-    path = rewritten(short, tmp_path / "[bold].mcap", tables={"versions": {"system": "\x1b[2J[/b]"}})
+def test_texts_of_a_recording_are_no_commands_to_a_terminal(short, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    name = "[bold]\x1b[2J\udce9.mcap"
+    path = rewritten(short, tmp_path / name, tables={"versions": {"system": "\x1b[2J[/b]"}})
     text = call(capsys, "recording", "inspect", path)[0]
-    assert text.startswith("[bold].mcap ")
+    assert text.startswith(r"[bold]\x1b[2J\udce9.mcap ")
+    call(capsys, "recording", "trim", path, "--out", tmp_path / "part")
+    for words in (["verify", path, "--picture", tmp_path / "drawn.png"], ["play", path, "--speed", "max"]):
+        assert "\x1b" not in "".join(call(capsys, *words))
     assert r"system \x1b[2J[/b]" in text
     assert r"\x1b[2J" in call(capsys, "recording", "inspect", tmp_path / "\x1b[2J", code=1)[1]

@@ -20,6 +20,7 @@ from tega.errors import ConfigError, RecordingError
 from tega.runtime.features import broken_features, features
 from tega.runtime.files.whole_file import open_to_append
 from tega.runtime.lifecycle import require
+from tega.runtime.words import printable
 
 LEAD_IN = "lead-in.mcap"
 """Name of the attachment with the records from before the span that a replay needs."""
@@ -77,8 +78,8 @@ def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[s
     head = tables.get("tega", {})
     return f"{_ORIGIN}{len(origins(tables)) + 1}", {
         "made_by": f"tega-teleop {made_by} {__version__}",
-        "session": source.resolve().parent.name,
-        "file": source.name,
+        "session": printable(source.resolve().parent.name),
+        "file": printable(source.name),
         "epoch_ns": head.get("epoch_ns", ""),
         "config_sha256": head.get("config_sha256", ""),
         **part.table(),

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from tega.runtime.words import printable
 from tega.ui.cli.options import (
     FILE,
     PATH,
@@ -128,7 +129,8 @@ def play(
         raise click.UsageError("--rater annotates by keys of the page, so it needs --view")
     file = one_recording(session)
     config = playing_to(to, sets=worn_by(person, sets))
-    heading = f"TEGA · {file.name}" + (" · space or q: stop" if sys.stdin.isatty() else "")
+    title = f"TEGA · {printable(file.name)}"
+    heading = title + (" · space or q: stop" if sys.stdin.isatty() else "")
     playhead = Playhead(from_s)
     played = partial(play_file, file, speed=speed, because=because, playhead=playhead, others=others)
     started = time.perf_counter()
@@ -144,7 +146,7 @@ def play(
             display.watch(bus)
         how: dict[str, Any] = {"progress": progress, "bus": bus}
         if view:
-            how |= {"title": f"TEGA · {file.name}", "port": view_port, "run": played}
+            how |= {"title": title, "port": view_port, "run": played}
             summary = run_viewed(config, stop=stop, playhead=playhead, annotate=annotate, **how)
         else:
             summary = played(config, controls=Controls(stop=stop), **how)
@@ -155,6 +157,6 @@ def play(
         print_summary(
             summary, measured={"wall_s": wall_s, "real_time_factor": summary["duration_s"] / wall_s}
         )
-        click.echo(f"played {run['file']} at speed {run['speed']} from its {run['from']}")
+        click.echo(printable(f"played {run['file']} at speed {run['speed']} from its {run['from']}"))
     if summary["ended"] == "stopped":
         raise KeyboardInterrupt

@@ -58,7 +58,7 @@ def _show(found: Inspection) -> None:
     if found.stopped:
         state = printable(f"ended before its run: {found.stopped}")
     about = f"  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}"
-    console.print(Text.assemble((found.file, "bold"), about))
+    console.print(Text.assemble((printable(found.file), "bold"), about))
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
     for step in found.origin:

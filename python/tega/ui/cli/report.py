@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.errors import RecordingError
-from tega.runtime.words import number_text
+from tega.runtime.words import number_text, printable
 from tega.ui.cli.options import echo_json, with_origin
 
 if TYPE_CHECKING:
@@ -109,7 +109,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
             print_row(out, row)
     _print_safety(out, summary)
     for note in summary["notes"]:
-        out.print(f"note: {note}")
+        out.print(printable(f"note: {note}"))
     if (recording := summary.get("recording")) is not None:
         n_dropped = sum(recording["dropped"].values())
         lost = f"{n_dropped} records dropped" if n_dropped else "nothing dropped"

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from click.core import ParameterSource
 
+from tega.runtime.words import printable
 from tega.ui.cli.options import PATH, echo_json, json_option, picture_option, progress_bar, sets_option
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def replay_session(
             _show(replays[-1])
             for sentence in absent_in(path):
                 click.echo(f"  {sentence}")
-        findings.notify(f"TEGA · {path.name}", pose_base=replays[-1].pose_base, words=not as_json)
+        findings.notify(f"TEGA · {printable(path.name)}", pose_base=replays[-1].pose_base, words=not as_json)
     if as_json:
         echo_json(msgspec.to_builtins(replays))
     return all(replay.same for replay in replays)
@@ -82,15 +83,16 @@ def _show(replay: Replay) -> None:
 
     console = wide_console()
     about = f"  {replay.duration_s:.1f} s re-run{_inputs(replay)}"
-    console.print(Text.assemble((replay.file, "bold"), about), soft_wrap=True)
+    console.print(Text.assemble((printable(replay.file), "bold"), about), soft_wrap=True)
     if replay.from_s > 0:
         console.print(f"  trimmed: compared from {replay.from_s:g} s on, what came before is its lead-in")
     for change in replay.changed:
-        console.print(f"  changed: {change}")
+        console.print(printable(f"  changed: {change}"))
     if not replay.complete:
         console.print("  the recording was cut; compared as far as it goes")
     for topic, count in replay.dropped.items():
-        console.print(f"  {topic}: {count} records were dropped while recording and cannot be compared")
+        lost = f"  {topic}: {count} records were dropped while recording and cannot be compared"
+        console.print(printable(lost))
     table = figures_table(["stream"], ["recorded", "replayed", "differ"], box=None)
     table.add_column("where")
     table.add_column("what")
