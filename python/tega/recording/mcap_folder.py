@@ -60,7 +60,7 @@ class SessionFolder:
         if path.exists() and not path.is_dir():
             raise ConfigError(f"session folder {path.name!r} is a file", "name a folder")
         self.path = path.absolute()  # of "." a message names the folder
-        known = (path / INDEX_NAME).exists() or any(path.glob("trial-*.mcap*"))
+        known = (path / INDEX_NAME).exists() or any(path.glob("*.mcap*" if to_read else "trial-*.mcap*"))
         if path.is_dir() and any(path.iterdir()) and not known:
             if to_read:
                 raise no_recording(path)

@@ -247,7 +247,7 @@ def test_what_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None
 def test_hostile_names_are_escaped(short: Path, tmp_path: Path) -> None:
     target = tmp_path / "<script>x.mcap"
     target.write_bytes(short.read_bytes())
-    html = tega.open_recording(target)._repr_html_()
+    html = tega.open_recording(tmp_path)._repr_html_()  # which holds it alone, by that name
     assert "<script>" not in html
     assert "&lt;script&gt;" in html
     assert CONTACT in html
