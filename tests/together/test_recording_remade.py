@@ -154,6 +154,7 @@ def test_sessions_are_merged_in_order_of_time_as_they_are(halves, tmp_path, caps
         ({"tables": {"versions": {"numpy": "1.0"}}}, r"numpy \S+ and 1\.0"),
         ({"tables": {"tega": {"layout": "other"}}}, "vest .* and other"),
         ({"files": {"calibration.toml": b"other"}}, "another calibration"),
+        ({"tables": {"tega": {"epoch_ns": "x"}}}, r"other\.mcap: damaged"),
     ],
 )
 def test_what_does_not_fit_together_is_not_merged(halves, tmp_path, change, text):

@@ -47,7 +47,6 @@ class _Part(NamedTuple):
         return {**known, **self.tables.get("versions", {})}
 
 
-@reports_damage
 def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     """Copy all recordings of several sessions into a new one, in order of time, one file each.
 
@@ -71,7 +70,7 @@ def merge_sessions(sessions: list[Path], *, out: Path) -> list[Path]:
     new_session(out)
     for part in parts:
         note_copy(part.path, out)
-    return [_copy(part, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
+    return [_copy(part.path, part.tables, out / f"trial-{k:03d}.mcap") for k, part in enumerate(parts, 1)]
 
 
 def _share_time(before: _Part, part: _Part) -> bool:
@@ -83,6 +82,7 @@ def _share_time(before: _Part, part: _Part) -> bool:
     return waited or heads[0]["epoch_ns"] == heads[1]["epoch_ns"]
 
 
+@reports_damage
 def _part(path: Path) -> _Part:
     reader, name = open_indexed(path), f"{path.resolve().parent.name}/{path.name}"
     tables = reader.session_tables()
@@ -106,10 +106,11 @@ def _fit(first: _Part, part: _Part) -> None:
         raise RecordingError(f"{first.name} and {part.name} do not fit together: {', '.join(differ)}", _HINT)
 
 
-def _copy(part: _Part, target: Path) -> Path:
-    step = _copied(part.path, target, part.tables, "merge", lambda item: item)
-    lossless = part.tables["tega"].get("lossless") == "true"
-    note_made(part.path, target, state="merged", lossless=lossless, step=step)
+@reports_damage
+def _copy(source: Path, tables: Tables, target: Path) -> Path:
+    step = _copied(source, target, tables, "merge", lambda item: item)
+    lossless = tables["tega"].get("lossless") == "true"
+    note_made(source, target, state="merged", lossless=lossless, step=step)
     return target
 
 
