@@ -135,7 +135,15 @@ time_scale_option = click.option(
 
 
 def echo_json(value: Any) -> None:
-    """Print a value as JSON on stdout."""
+    """Print a value as JSON on stdout; numbers that JSON does not have, NaN and infinity, are ``null``.
+
+    Example:
+        >>> echo_json([float("nan")])
+        [
+          null
+        ]
+    """
+    value = json.loads(json.dumps(value), parse_constant=lambda _: None)
     click.echo(json.dumps(value, indent=2, ensure_ascii=False))
 
 
