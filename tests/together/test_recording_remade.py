@@ -313,7 +313,7 @@ def test_two_processes_write_the_same_tables_as_one(kind, lossless, tmp_path, mo
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
 def test_an_export_keeps_few_messages_and_rows_of_any_recording(kind, lossless, tmp_path, monkeypatch):
     whole = export_file(lossless, tmp_path / "whole", kind=kind)
-    n_kept, most = 8, 0
+    n_kept, most = 9, 0  # of which there are some whole times in 90 contacts
 
     def counted(table: Any, columns: Columns) -> None:
         nonlocal most

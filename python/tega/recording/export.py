@@ -232,7 +232,9 @@ def message_columns(values: Sequence[Any], channels: Sequence[str] = ()) -> dict
 
 def _runs(values: Sequence[Any]) -> list[int]:
     """Return how many messages in a row have columns of the same names, over and over."""
-    parts = _shape_parts(values[0].DESCRIPTOR) if values else []
+    if not values:
+        return []
+    parts = _shape_parts(values[0].DESCRIPTOR)
     if not parts:
         return [len(values)]
     return [
