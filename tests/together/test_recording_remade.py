@@ -129,7 +129,7 @@ def test_nothing_is_overwritten_and_a_wrong_span_is_told(lossless, halves, tmp_p
         trim_session(lossless, from_s=0.1, to_s=None, out=taken)
     with pytest.raises(ConfigError, match="is there already"):
         merge_sessions(halves, out=taken)
-    for from_s, to_s, text in ((1.0, 0.5, "holds nothing"), (9.0, None, "is not in it")):
+    for from_s, to_s, text in ((1.0, 0.5, "holds nothing"), (1e300, None, "is not in it")):
         with pytest.raises(RecordingError, match=text):
             trim_session(lossless, from_s=from_s, to_s=to_s, out=tmp_path / "new")
     assert not (tmp_path / "new").exists()

@@ -9,6 +9,7 @@ those recorded.
 from __future__ import annotations
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,9 @@ def trim_session(
     span without records is ``RecordingError``.
     """
     source = one_recording(session)
-    part = Span(round(from_s * 1e9), None if to_s is None else round(to_s * 1e9))
+    # No recording is so long, and the nanoseconds of longer times may be infinite.
+    from_ns, to_ns = (round(min(t_s, 9e9) * 1e9) for t_s in (from_s, math.inf if to_s is None else to_s))
+    part = Span(from_ns, None if to_s is None else to_ns)
     if part.to_ns is not None and part.to_ns <= part.from_ns:
         raise RecordingError(f"the span {part} holds nothing", "--to has to be after --from")
     check = _Check(source, part)
