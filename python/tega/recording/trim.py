@@ -9,6 +9,7 @@ those recorded.
 from __future__ import annotations
 
 import io
+import logging
 import math
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,8 @@ from tega.recording.mcap_reader import McapReader, open_recording
 from tega.recording.origin import LEAD_IN, SPAN, Span, new_session, note_copy, origin, span
 from tega.runtime.files.foreign_file import reports_damage
 from tega.runtime.files.whole_file import new_file
+
+_LOG = logging.getLogger(__name__)
 
 # What a replay needs from before the span.
 _LEADING = frozenset(
@@ -82,7 +85,7 @@ class _Check:
         leading = io.BytesIO()
         copy = McapCopy(leading)
         with open_recording(source) as file:
-            for item in McapRecords(file):
+            for item in (records := McapRecords(file)):
                 if item.kind == "Message":
                     self._message(item, copy)
                 elif item.kind == "Attachment" and item.record.name == LEAD_IN:
@@ -90,6 +93,9 @@ class _Check:
                     for before in McapRecords(io.BytesIO(earlier)):
                         copy.take(before)
         copy.finish()
+        if records.problem and (part.to_ns is None or part.to_ns > self._newest_ns):
+            said = "%s: cannot be read to its end: %s; what comes before is copied, up to %.3f s"
+            _LOG.warning(said, source.name, records.problem, self._newest_ns / 1e9)
         there = span(self.tables)
         end_ns = self._newest_ns if there.to_ns is None else min(there.to_ns, self._newest_ns)
         if not there.from_ns <= part.from_ns <= end_ns:
