@@ -56,8 +56,7 @@ def sign_flip(differences: ArrayLike) -> float:
         >>> sign_flip([-1.0, -2.0, -1.5, -3.0, -2.5, -1.0])
         0.03125
     """
-    rounded = np.round(np.asarray(differences, dtype=np.float64), 9)
-    values: NDArray[np.float64] = np.asarray(rounded, np.float64)
+    values = np.asarray(differences, dtype=np.float64)
     seen = abs(values.sum()) - _EPS
     if seen <= 0:
         return 1.0

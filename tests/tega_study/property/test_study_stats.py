@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from tega_study.journal import events_path, read_events
@@ -214,10 +214,11 @@ def test_holm_is_its_definition(p: list[float]) -> None:
     assert all(one is not None and one >= raw for one, raw in zip(found, p, strict=True))
 
 
-@given(st.lists(st.integers(-30, 30), min_size=2, max_size=8))
-def test_sign_flip_equals_scipys(values: list[int]) -> None:
+@given(st.lists(st.integers(-30, 30), min_size=2, max_size=8), st.integers(1, 12))
+@example([5, -2, 3, -1, -4, 2], 3)
+def test_sign_flip_equals_scipys(values: list[int], trials: int) -> None:
     found = stats.permutation_test((np.array(values),), np.sum, permutation_type="samples", vectorized=True)
-    assert sign_flip([v / 10 for v in values]) == pytest.approx(found.pvalue, abs=1e-12)
+    assert sign_flip([v / trials for v in values]) == pytest.approx(found.pvalue, abs=1e-12)
 
 
 @settings(max_examples=30)
