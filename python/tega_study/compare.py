@@ -71,7 +71,6 @@ class _Data(NamedTuple):
     first: dict[str, list[float]]
     second: dict[str, list[float]]
     places: dict[str, list[float]]
-    began_first: dict[str, bool]
 
     @property
     def common(self) -> dict[str, Any]:
@@ -106,7 +105,7 @@ def compare(
 
 
 def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str, str]) -> _Data:
-    data = _Data(metric, name, {}, {}, {}, {})
+    data = _Data(metric, name, {}, {}, {})
     for trial in trials:
         value = getattr(trial, metric)
         if not trial.counts or trial.object != name or trial.condition not in conditions or value is None:
@@ -116,8 +115,6 @@ def _data(trials: Sequence[Trial], metric: str, name: str, conditions: tuple[str
         data.places.setdefault(f"{trial.participant} {trial.condition == conditions[0]}", []).append(
             trial.trial
         )
-        if trial.first:
-            data.began_first[trial.participant] = trial.condition == conditions[0]
     return data
 
 
@@ -195,7 +192,7 @@ def _by_people(data: _Data, common: dict[str, Any], n: tuple[int, int], *, cross
         p, statistic = adjusted.p if enough else None, adjusted.t
         row = _row(common, "adjusted", name, n, _ratio(adjusted), p=p, statistic=statistic, note=text)
         tests.append(row)
-    began = [data.began_first.get(person, False) for person in both]
+    began = [data.places[f"{person} True"][0] < data.places[f"{person} False"][0] for person in both]
     if crossed and (order := cross_over(first, second, began)):
         text = f"period effect {order.period:.3g}" + ("" if counted else " (log)")
         effect = "difference" if counted else "difference of logs", order.effect, None, None

@@ -14,6 +14,7 @@ import numpy as np
 
 from tega.runtime.lifecycle import scipy_stats
 from tega_study.counts import clopper_pearson, dispersion
+from tega_study.people import LEAST_ERROR
 from tega_study.trials import Trial
 
 PAPER_OBJECTS = ("bottle", "container", "bag")
@@ -96,7 +97,7 @@ def outcome(
     first, second = (np.array([np.mean(side[person]) for person in both]) for side in sides)
     off = first - second
     low = high = None
-    if len(both) > 1 and off.std() > 0:  # people all alike say nothing of how people differ
+    if len(both) > 1 and off.std() > LEAST_ERROR:  # people all alike say nothing of how people differ
         reach = float(scipy_stats().t.ppf(0.975, len(both) - 1) * off.std(ddof=1) / len(both) ** 0.5)
         low, high = float(off.mean()) - reach, float(off.mean()) + reach
     return OutcomeDifference(

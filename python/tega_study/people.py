@@ -22,6 +22,8 @@ FLIPS_UP_TO = 24
 DRAWS = 99_999
 EXCHANGES = 19_999
 _EPS = 1e-9
+LEAST_ERROR = 1e-8
+"""Below this, what differs is the rounding of equal numbers, and no error to judge by."""
 
 
 class Ratio(NamedTuple):
@@ -108,7 +110,7 @@ def paired_log_ratio(first: ArrayLike, second: ArrayLike) -> Ratio | None:
 
 def ratio_by_t(log_ratio: float, se: float, df: int) -> Ratio | None:
     """Return a ratio with its interval and p by Student's t; ``None`` without an error to judge by."""
-    if se < 1e-8:  # nobody differs from anybody: there is no error to judge by
+    if se < LEAST_ERROR:  # nobody differs from anybody: there is no error to judge by
         return None
     t_of = scipy_stats().t
     reach = _t_reach(df) * se
@@ -160,9 +162,9 @@ def cross_over(first: ArrayLike, second: ArrayLike, began_with_first: ArrayLike)
     if began.sum() < 2 or (~began).sum() < 2:
         return None
     period = np.where(began, a - b, b - a)  # first period less second
-    test = scipy_stats().ttest_ind(period[began], period[~began])
-    if not math.isfinite(float(test.statistic)):
+    if max(period[began].std(), period[~began].std()) < LEAST_ERROR:
         return None
+    test = scipy_stats().ttest_ind(period[began], period[~began])
     ahead, behind = float(period[began].mean()), float(period[~began].mean())
     return CrossOver((ahead - behind) / 2, (ahead + behind) / 2, float(test.statistic), float(test.pvalue))
 
@@ -208,6 +210,6 @@ def adjusted_ratio(
     except (Warning, np.linalg.LinAlgError, ValueError, FloatingPointError):
         return None
     b, se = float(found.params[1]), float(found.bse[1])
-    if not found.converged or not 1e-8 < se < 20:
+    if not found.converged or not LEAST_ERROR < se < 20:
         return None
     return ratio_by_t(b, se, n - 1)
