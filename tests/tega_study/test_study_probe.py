@@ -183,7 +183,7 @@ def test_what_cannot_be_heard_or_answered_begins_no_session(port: SoundPort, tmp
     with pytest.raises(DeviceUnavailableError, match="nothing plays its beeps"):
         lead_session(folder, "p01", StandingBench(), desk)
     sound = MaskingSound(MaskingSection(), beeps=True)
-    for key, pedals in (("s", ""), ("b", "b"), ("2", "12"), ("", ""), ("pp", "")):
+    for key, pedals in (("s", ""), ("f", ""), ("b", "b"), ("2", "12"), ("", ""), ("pp", "")):
         with pytest.raises(InvalidValueError, match="answer key"):
             lead_session(folder, "p01", StandingBench(), desk, answer_key=key, pedals=pedals, masking=sound)
     assert not events_path(folder, "p01").exists()

@@ -254,10 +254,13 @@ def pedal_keys(pedals: str, tasks: Iterable[RestTask]) -> dict[str, tuple[str, .
 
 
 def check_answer_key(key: str, pedals: str) -> None:
-    """Raise ``InvalidValueError`` unless the key is one printable key without another meaning in a trial."""
-    taken = {one for one, _ in keys_of(sees_height=False)} | {" ", "\n", *pedals}
+    """Raise ``InvalidValueError`` unless the key is one printable key without another meaning in a session.
+
+    A press that comes late, in the rest, would correct the trial. ``pedals``: whatever else types a key.
+    """
+    taken = _BETWEEN | {one for one, _ in keys_of(sees_height=False)} | {*pedals}
     if len(key) != 1 or not key.isprintable() or key in taken:
         raise InvalidValueError(
-            f"answer key {key!r}: it is not one key, or means something else in a trial",
+            f"answer key {key!r}: it is not one key, or means something else in a session",
             "take p, for example",
         )

@@ -78,7 +78,7 @@ def lead_session(
         bench.felt(condition)
     pressed = pedal_keys(pedals, bench.rest_tasks)
     if plan.settings.probe:
-        check_answer_key(chosen.answer_key, pedals)
+        check_answer_key(chosen.answer_key, pedals + "".join(task.key for task in bench.rest_tasks))
         if chosen.masking is None:
             raise DeviceUnavailableError(
                 "the plan has a second task, and nothing plays its beeps", "give lead_session a MaskingSound"
