@@ -64,6 +64,7 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
     status: dict[int, TrialStatus] = {trial.trial: "planned" for trial in trials}
     attempts = dict.fromkeys(status, 0)
     running: tuple[int, int] | None = None
+    began_ns = 0
     undone, redone = undone_numbers(events), set[int]()
 
     def damaged(what: str, hint: str = "restore the file from a copy") -> RecordingError:
@@ -84,11 +85,13 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
             if running is not None or event.attempt != attempts[event.trial] + 1:
                 raise damaged("begins out of turn")
             attempts[event.trial], status[event.trial] = event.attempt, "running"
-            running = event.trial, event.attempt
+            running, began_ns = (event.trial, event.attempt), event.t_ns
         else:
             skipped = running is None and event.status == "skipped" and _open(status[event.trial])
             if event.status is None or not (skipped or running == (event.trial, event.attempt)):
                 raise damaged("ends that had not begun")
+            if event.status in WITH_DATA and event.t_ns < began_ns:  # a restarted clock closes one without data
+                raise damaged("ends before it began")
             status[event.trial], running = event.status, None
     n_over = sum(not _open(one) for one in status.values())
     return SessionState(status, running, _next(trials, status, attempts), n_over, attempts)

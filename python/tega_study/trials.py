@@ -139,7 +139,7 @@ def trials_of_events(
             done = _trial(plan, runs[-1], undone, where=where, first=is_first, by_bench=by_bench)
             redone = [e for run in runs for e in run if e.kind == "redo" and e.n not in undone]
             squeezed = [None, *(shares[event.n] for event in runs[-1] if event.n in shares)]
-            why = redone[-1].text if redone else ""
+            why = (redone[-1].text or "reason left out") if redone else ""
             done = msgspec.structs.replace(done, redone=why, squeeze_share=squeezed[-1])
             if any(event in redone for event in runs[-1]):
                 # It was to be done again and was not: nothing of it is data.

@@ -35,6 +35,7 @@ from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import board_path, read_board
 from tega_study.page import report_html
+from tega_study.privacy import export
 from tega_study.plan import read_plan
 from tega_study.ratings import ratings
 from tega_study.score.recorded import read_reel, recorded_trials
@@ -289,6 +290,8 @@ def test_a_trial_that_was_to_be_done_again_and_was_not_is_no_data(tmp_path: Path
         assert derive(read_plan(folder).of("p01"), journal.events).next == (1, 2)
         (first, second) = study_trials(folder)[1]
         assert (first.counts, second.counts) == (False, True)
+        export(folder, tmp_path / "open", key="secret")
+        assert study_trials(tmp_path / "open")[1][0].redone, "a reason that is left out is one all the same"
         journal.add("undo", t_ns=journal.events[-1].t_ns, trial=1, undone=journal.events[-1].n)
     assert all(trial.counts and not trial.redone for trial in study_trials(folder)[1])
 

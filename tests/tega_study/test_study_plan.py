@@ -22,7 +22,7 @@ from tega_study.page import FORMS, report_html, write_forms
 from tega_study.plan import PlannedTrial, make_plan, read_plan, write_plan
 from tega_study.privacy import export, note_elsewhere, withdraw
 from tega_study.score.boris import export_boris
-from tega_study.state import resume
+from tega_study.state import derive, resume
 from tega_study.study_notes import OBJECTS, ObjectFacts, note_object, read_objects, withdrawn_ids
 from tega_study.trials import study_trials
 
@@ -109,6 +109,10 @@ def test_a_session_that_ended_in_a_trial_repeats_it_at_the_end_of_its_block(fold
         assert state.status[1] == "aborted_technical"
         same_block = [trial.trial for trial in plan.of("p01") if trial.block == 1]
         assert state.next == ((same_block[1], 1) if len(same_block) > 1 else (1, 2))
+        journal.add("trial_start", t_ns=9, trial=2)
+        journal.add("trial_end", t_ns=8, trial=2, status="done")
+        with pytest.raises(RecordingError, match="trial 2 ends before it began"):
+            derive(plan.of("p01"), journal.events)
 
 
 def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> None:

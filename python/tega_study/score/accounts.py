@@ -15,6 +15,7 @@ from tega_study.lead.running_trial import ARM
 from tega_study.observers import CAMERA, read_measured, read_observers, saw_proposals, saw_whole
 from tega_study.plan import read_plan
 from tega_study.score.agree import Agreement, agreement
+from tega_study.state import derive
 from tega_study.study_notes import staying
 
 TRUTH, EXPERIMENTER = "truth", "experimenter"
@@ -50,6 +51,7 @@ def scored_trials(folder: Path) -> dict[str, list[Scored]]:
     accounts: dict[str, list[Scored]] = {}
     for person in staying(folder, plan):
         main = read_events(events_path(folder, person))
+        derive(plan.of(person), main)  # refuses events that do not fit one another
         raters = {
             **read_observers(folder, person),
             CAMERA: read_measured(folder, person),
