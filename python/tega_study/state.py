@@ -90,7 +90,9 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
             skipped = running is None and event.status == "skipped" and _open(status[event.trial])
             if event.status is None or not (skipped or running == (event.trial, event.attempt)):
                 raise damaged("ends that had not begun")
-            if event.status in WITH_DATA and event.t_ns < began_ns:  # a restarted clock closes one without data
+            if (
+                event.status in WITH_DATA and event.t_ns < began_ns
+            ):  # a restarted clock closes one without data
                 raise damaged("ends before it began")
             status[event.trial], running = event.status, None
     n_over = sum(not _open(one) for one in status.values())

@@ -261,9 +261,14 @@ def _counted_by(events: Sequence[JournalEvent], *, by_bench: bool) -> str:
 
 
 def bench_trials(paths: Iterable[Path]) -> list[Trial]:
-    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here."""
-    from tega_sim.trials import read_results
+    """Read the results that ``tega-teleop sim trials`` writes; a seed there is a person here.
 
+    Results of several settings, which ``sim trials`` keeps in one file, are a ``RecordingError``.
+    """
+    from tega_sim.trials import read_results
+    from tega_sim.world.objects import variant_name
+
+    settings: dict[str, set[str]] = {}
     trials: list[Trial] = []
     repeats: dict[tuple[str, str, str], int] = {}
     numbers: dict[str, int] = {}
@@ -271,18 +276,27 @@ def bench_trials(paths: Iterable[Path]) -> list[Trial]:
         if not path.exists():
             raise RecordingError(f"{path}: is not there", "name a file of sim trials, or a study's folder")
         for line, result in enumerate(read_results(path).values(), start=1):
-            person = f"s{result.seed}"
-            key = person, result.object, result.condition
+            here = f"{path.name}:{line}"
+            person, name = f"s{result.seed}", variant_name(result.object, result.plan.changes)
+            for setting in ("operator", "practice", "preset", "settings", "view", "task"):
+                values = settings.setdefault(setting, set())
+                values.add(str(getattr(result, setting)))
+                if len(values) > 1:
+                    raise RecordingError(
+                        f"{here}: trials of {setting} = {' and '.join(sorted(values))} are not compared as one",
+                        "run sim trials with another --out for each",
+                    )
+            key = person, name, result.condition
             repeats[key] = repeats.get(key, 0) + 1
             numbers[person] = numbers.get(person, 0) + 1
-            lift_s, here = result.lift_off_s, f"{path.name}:{line}"
+            lift_s = result.lift_off_s
             slips_s = [event.t_s for event in result.events if event.kind == "slip"]
             trial = Trial(
                 id=here,
                 participant=person,
                 trial=numbers[person],
                 repeat=repeats[key],
-                object=result.object,
+                object=name,
                 condition=result.condition,
                 status="done" if result.success else "failed_task",
                 success=result.success,

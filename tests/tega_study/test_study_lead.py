@@ -35,8 +35,8 @@ from tega_study.lead.rest_tasks import RestTask, RestTaskEnd
 from tega_study.lead.session import lead_session
 from tega_study.lead.tell import board_path, read_board
 from tega_study.page import report_html
-from tega_study.privacy import export
 from tega_study.plan import read_plan
+from tega_study.privacy import export
 from tega_study.ratings import ratings
 from tega_study.score.recorded import read_reel, recorded_trials
 from tega_study.state import derive, rehearsed, resume

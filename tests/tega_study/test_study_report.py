@@ -17,6 +17,7 @@ pytest.importorskip("matplotlib")
 pytest.importorskip("statsmodels")
 
 from reference.command import call
+from reference.results import trial_result
 from reference.study_bench import files_of
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.analyse import analyse, analyse_study
@@ -27,7 +28,7 @@ from tega_study.journal import Journal, events_path, read_events
 from tega_study.page import number, report_html
 from tega_study.plan import make_plan, read_plan, write_plan
 from tega_study.report import Report, csv_files, write_report
-from tega_study.trials import course_path
+from tega_study.trials import bench_trials, course_path
 
 
 def fill(folder: Path, *, people: int, courses: bool = True, simulated: bool = True) -> None:
@@ -299,6 +300,16 @@ def test_the_papers_numbers_stand_beside_ours_with_what_differs(report: Report) 
     objects: dict[str, Any] = {"objects": ("cup", "box"), "cells": cells, "directions": (), "outcomes": ()}
     other = report_html(msgspec.structs.replace(report.analysis, **objects), {})
     assert not any(text in other for text in ("paper 152.8", "set-up"))
+
+
+def test_simulated_trials_of_other_objects_or_settings_are_not_pooled(tmp_path: Path) -> None:
+    path = tmp_path / "trials.jsonl"
+    for other in ({"mass_kg": 0.6}, {"view": "hidden"}):
+        path.write_bytes(b"".join(msgspec.json.encode(trial_result(**one)) + b"\n" for one in ({}, other)))
+        if "mass_kg" in other:
+            assert [trial.object for trial in bench_trials([path])] == ["bag", "bag_600g"]
+    with pytest.raises(RecordingError, match="view = direct and hidden"):
+        bench_trials([path])
 
 
 def test_what_rounds_to_nothing_has_no_sign() -> None:
