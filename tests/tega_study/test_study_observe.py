@@ -102,6 +102,10 @@ def test_the_session_may_stop_and_come_back(folder: Path) -> None:
             assert now.running is not None
             assert now.running[0].trial == 2
             assert now.events == ()
+            main.add("trial_end", t_ns=20 * S, trial=2, **DONE)
+        write_board(board_path(folder, "p01"), SessionBoard(t_ns=20 * S, phase="rest"))
+        assert observing.press("deformation", S) == "no trial goes on"  # the machine's clock has begun anew
+        assert not observing.check(S).led
 
 
 def test_names_and_files_are_guarded(folder: Path) -> None:

@@ -78,7 +78,7 @@ class Observing:
         led = (
             board is not None
             and board.phase not in {"over", "stopped"}
-            and (t_ns - board.t_ns) / 1e9 < FRESH_S
+            and abs(t_ns - board.t_ns) / 1e9 < FRESH_S
         )
         following = None if board is None or board.phase == "trial" else self._trials.get(board.trial)
         if not starts:
@@ -99,8 +99,10 @@ class Observing:
             return "no trial has begun yet"
         trial, attempt = now.newest
         if now.running is None:
-            end = self._of(self._events, "trial_end", trial.trial, attempt)
-            if end is not None and t_ns - end.t_ns > LATE_NS:
+            key = trial.trial, attempt
+            begin, end = (self._of(self._events, one, *key) for one in ("trial_start", "trial_end"))
+            # Before it, too: the machine's clock begins anew with each start.
+            if begin and end and not begin.t_ns <= t_ns <= end.t_ns + LATE_NS:
                 return "no trial goes on"
         self._add(kind, t_ns, (trial.trial, attempt))
         return ""
