@@ -25,6 +25,7 @@ from reference.installed import program
 from reference.processes import until
 from reference.study_bench import files_of
 from tega.errors import ConfigError, DeviceUnavailableError, InvalidValueError, RecordingError
+from tega.runtime.files.whole_file import lock_file, open_to_append
 from tega_sim.operator import draw_person, load_parameters
 from tega_study.cli.simulate import report_apart
 from tega_study.silico.assumptions import PARAMETERS, read_assumptions
@@ -88,6 +89,11 @@ def test_a_session_that_was_cut_short_is_run_again_to_the_same_bytes(small: Path
     (small / ".running" / "p01" / "courses" / "p01").mkdir(parents=True)  # left by the run that was ended
     (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").write_bytes(b"half")
     assert unfinished(small, plan) == ["p01"]
+    with open_to_append(lock := small / ".running" / "p01.lock") as other:
+        assert lock_file(other, lock)
+        with pytest.raises(DeviceUnavailableError, match="another program simulates p01"):
+            simulate(small, **SMALL)
+    assert (small / ".running" / "p01" / "courses" / "p01" / "p01-t01.csv").read_bytes() == b"half"
     simulate(small, **SMALL)
     assert files_of(small) == whole
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from tega.errors import DeviceUnavailableError, InvalidValueError, MissingExtraError, WrongDeviceError
+from tega.runtime.files.whole_file import lock_file, open_to_append
 from tega_sim.conditions import SESSION_CONDITIONS
 from tega_sim.operator import load_parameters
 from tega_sim.trials import over_cores
@@ -47,17 +48,27 @@ def run_sessions(
         return
     done, n_workers = 0, workers or os.cpu_count() or 1
     with _watched(jobs, progress, on=not dask) as count:
-        for job, files in _over_dask(jobs, dask) if dask else over_cores(_session, jobs, n_workers):
-            keep_session(job, files)
+        for job in _over_dask(jobs, dask) if dask else over_cores(_session, jobs, n_workers):
             done += len(job.trials)
             count(done)
 
 
-def _session(job: SessionJob) -> tuple[SessionJob, dict[str, bytes]]:
-    return job, run_session(job, job.folder / RUNNING / job.person)
+def _session(job: SessionJob) -> SessionJob:
+    """Run and keep a session, unless another program is at it or has done so meanwhile."""
+    lock = job.folder / RUNNING / f"{job.person}.lock"
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    with open_to_append(lock) as file:
+        if not lock_file(file, lock):
+            raise DeviceUnavailableError(
+                f"{job.folder}: another program simulates {job.person} now",
+                "wait for it, or give each program its own people, such as --shard 1/2 and --shard 2/2",
+            )
+        if derive(job.trials, read_events(events_path(job.folder, job.person))).next is not None:
+            keep_session(job, run_session(job, job.folder / RUNNING / job.person))
+    return job
 
 
-def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[SessionJob, dict[str, bytes]]]:
+def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[SessionJob]:
     try:
         distributed: Any = importlib.import_module("distributed")  # untyped
     except ImportError as error:
@@ -80,8 +91,8 @@ def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[tuple[Sessi
                 )
         jobs_of = {client.submit(run_session, job, pure=False, retries=2): job for job in jobs}
         for future in distributed.as_completed(list(jobs_of)):
-            files: dict[str, bytes] = future.result()
-            yield jobs_of[future], files
+            keep_session(jobs_of[future], future.result())
+            yield jobs_of[future]
             future.release()
 
 
