@@ -24,8 +24,8 @@ pytest.importorskip("scipy")
 
 from scipy import stats
 
-from tega_study.coupling import TouchCourse, dwell, lag_sweep, on_grid, pearson, transitions
-from tega_study.people import ratio_of_means, sign_flip, within_person
+from tega_study.coupling import TouchCourse, dwell, lag_sweep, on_grid, transitions
+from tega_study.people import sign_flip, within_person
 from tega_study.rank import holm, mann_whitney, rank_biserial_interval, shift
 
 OBJECTS = ["bottle", "container", "bag", "cup", "box"]
@@ -234,18 +234,6 @@ def test_within_person_equals_enumeration(groups: list[tuple[list[int], list[int
     assert within_person(groups) == pytest.approx(float(wanted), abs=1e-12)
 
 
-@given(st.lists(st.tuples(st.integers(1, 9), st.integers(1, 9)), min_size=2, max_size=8), st.floats(0.1, 10))
-def test_the_ratio_of_means_does_not_depend_on_the_scale(pairs: list[tuple[int, int]], scale: float) -> None:
-    a, b = [p[0] for p in pairs], [p[1] for p in pairs]
-    one, scaled = ratio_of_means(a, b), ratio_of_means([scale * v for v in a], [scale * v for v in b])
-    assume(one is not None and scaled is not None)
-    assert one is not None
-    assert scaled is not None
-    assert one.low <= one.ratio <= one.high
-    assert scaled.ratio == pytest.approx(one.ratio)
-    assert scaled.p == pytest.approx(one.p, abs=1e-9)
-
-
 @given(st.integers(0, 2**31), st.integers(-8, 8))
 def test_a_delay_is_found_as_its_lag(seed: int, delay: int) -> None:
     noise = np.random.default_rng(seed).normal(size=140)
@@ -263,14 +251,6 @@ def test_dwell_and_transitions_count_what_is_there(poses: list[int]) -> None:
     assert [round(share * len(poses)) for share in shares] == [poses.count(level) for level in range(5)]
     changes = [(a, b) for a, b in itertools.pairwise(poses) if a != b]
     assert transitions(pose) == (len(changes), sum(0 < a < 4 or 0 < b < 4 for a, b in changes))
-
-
-@given(st.floats(-5, 5), st.floats(0.1, 9))
-def test_pearson_keeps_under_shift_and_scale(move: float, scale: float) -> None:
-    x, y = np.arange(10.0) ** 2, np.sin(np.arange(10.0))
-    assert pearson(x * scale + move, y) == pytest.approx(pearson(x, y))
-    assert pearson(-x, y) == pytest.approx(-pearson(x, y))
-    assert math.isnan(pearson(np.ones(10), y))
 
 
 def test_the_grid_has_the_mean_of_each_cell_and_the_pose_that_held_at_its_end() -> None:
