@@ -182,7 +182,7 @@ def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
         turned = []
         for subject, some in groupby((row for row in people if row.what != "base"), key=lambda row: row.what):
             ends = [row for row in some if _as_printed(row.directions[place]) != base]
-            if ends:
+            if ends and base is not None:
                 turned.append(f"{subject} (at {' and '.join(str(row.setting) for row in ends)})")
         found.append(
             [
@@ -190,7 +190,7 @@ def _ranges(rows: Sequence[SensitivityRow]) -> list[list[str]]:
                 f"{sum(signs)} of {len(signs)}",
                 str(reported.count("as printed")),
                 str(reported.count("opposite")),
-                ", ".join(turned) or "none",
+                ", ".join(turned) or ("–" if base is None else "none"),
             ]
         )
     return found

@@ -26,7 +26,7 @@ from reference.study_bench import counted, files_of, ran
 from tega_study.analyse import Analysis, analyse_study
 from tega_study.difference import directions
 from tega_study.journal import Journal, events_path
-from tega_study.page import number, report_html
+from tega_study.page import _ranges, number, report_html
 from tega_study.plan import PlannedTrial, StudyPlan, read_plan
 from tega_study.privacy import export
 from tega_study.report import csv_files, write_report
@@ -148,7 +148,9 @@ def test_the_sensitivity_table_says_where_a_direction_turns(study: Path) -> None
     turns = page[page.index("turns within the range of") :]
     assert turns.index("Slippage, bottle") < turns.index("vest.weber (at 0.65 share)")
     (study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl").rename(study / "kept")
-    assert [row.what for row in read_sensitivity(study)] == ["vest.weber", "vest.weber", "arm"]
+    rows = read_sensitivity(study)
+    assert [row.what for row in rows] == ["vest.weber", "vest.weber", "arm"]
+    assert {ends for *_, ends in _ranges(rows)} == {"–"}, "nothing to turn against"
     (study / "kept").rename(study / SENSITIVITY / "base" / "sessions" / "p02" / "events.jsonl")
 
 
