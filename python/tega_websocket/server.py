@@ -21,6 +21,8 @@ from tega.ui.view.same_machine import foreign
 from tega_websocket.messages import MOST_BYTES, Command, MessageError, decode, encode
 
 _MOST_CLIENTS: Final = 8
+# More than the 100 that asyncio accepts in one turn: a client among many is heard before it is the oldest.
+_MOST_SHAKING: Final = 128
 _START_S: Final = 10.0
 _STATE_S: Final = 0.05
 _PING_S: Final = 5.0
@@ -95,6 +97,7 @@ class Server:
         self._incoming: deque[bytes] = deque(maxlen=buffer)
         self._woken = threading.Event()
         self._clients: dict[int, Client] = {}
+        self._accepted = deque[Any]()
         self._leaving: asyncio.Event | None = None
         self.port = self.n_clients = self.n_dropped = 0
 
@@ -159,6 +162,7 @@ class Server:
             self._handle,
             host,
             port,
+            create_connection=self._accept,
             process_request=self._requested,
             compression=None,
             max_size=MOST_BYTES,
@@ -179,6 +183,19 @@ class Server:
         finally:
             server.close()
             await server.wait_closed()
+
+    def _accept(self, *given: Any, **more: Any) -> Any:
+        """Return a new connection; of too many, the oldest that has asked for nothing is closed."""
+        connection = self._library.ServerConnection(*given, **more)
+        self._accepted.append(connection)
+        if len(self._accepted) > _MOST_SHAKING:
+            # Not at once: only after this turn of the loop does every earlier connection have its transport.
+            self._loop.call_soon(self._drop, self._accepted.popleft())
+        return connection
+
+    def _drop(self, oldest: Any) -> None:
+        if oldest.request is None:
+            oldest.transport.abort()
 
     async def _requested(self, connection: Any, request: Any) -> Any:
         """Refuse a connection before it is made; ``None`` lets it in."""
