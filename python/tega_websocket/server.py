@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import hmac
-import logging
 import socket
 import threading
 from collections import deque
@@ -17,20 +16,14 @@ from typing import Any, Final, NamedTuple
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
-from tega.ui.view.same_machine import foreign
+from tega.ui.view.same_machine import foreign, wary
 from tega_websocket.messages import MOST_BYTES, Command, MessageError, decode, encode
 
 _MOST_CLIENTS: Final = 8
-# More than the 100 that asyncio accepts in one turn: a client among many is heard before it is the oldest.
-_MOST_SHAKING: Final = 128
 _START_S: Final = 10.0
 _STATE_S: Final = 0.05
 _PING_S: Final = 5.0
 _SEND_BUFFER_BYTES: Final = 65_536
-# A stranger's broken handshake is no news for the terminal; websockets would print a traceback.
-_QUIET: Final = logging.getLogger("tega.websocket.connections")
-_QUIET.addHandler(logging.NullHandler())
-_QUIET.propagate = False
 
 
 class Served(NamedTuple):
@@ -97,7 +90,6 @@ class Server:
         self._incoming: deque[bytes] = deque(maxlen=buffer)
         self._woken = threading.Event()
         self._clients: dict[int, Client] = {}
-        self._accepted = deque[Any]()
         self._leaving: asyncio.Event | None = None
         self.port = self.n_clients = self.n_dropped = 0
 
@@ -162,7 +154,6 @@ class Server:
             self._handle,
             host,
             port,
-            create_connection=self._accept,
             process_request=self._requested,
             compression=None,
             max_size=MOST_BYTES,
@@ -171,7 +162,7 @@ class Server:
             ping_interval=_PING_S,
             ping_timeout=2 * _PING_S,
             close_timeout=1.0,
-            logger=_QUIET,
+            **wary(self._library.ServerConnection),
         )
         ready.set_result(server.sockets[0].getsockname()[1])
         try:
@@ -184,23 +175,10 @@ class Server:
             server.close()
             await server.wait_closed()
 
-    def _accept(self, *given: Any, **more: Any) -> Any:
-        """Return a new connection; of too many, the oldest that has asked for nothing is closed."""
-        connection = self._library.ServerConnection(*given, **more)
-        self._accepted.append(connection)
-        if len(self._accepted) > _MOST_SHAKING:
-            # Not at once: only after this turn of the loop does every earlier connection have its transport.
-            self._loop.call_soon(self._drop, self._accepted.popleft())
-        return connection
-
-    def _drop(self, oldest: Any) -> None:
-        if oldest.request is None:
-            oldest.transport.abort()
-
     async def _requested(self, connection: Any, request: Any) -> Any:
         """Refuse a connection before it is made; ``None`` lets it in."""
         first = request.path.partition("?")[0].split("/")[1]
-        if not hmac.compare_digest(first.encode(), self._token):
+        if not hmac.compare_digest(first.encode(errors="surrogateescape"), self._token):
             return connection.respond(
                 403, "the address has a token in it: use the one that the program has printed\n"
             )

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from socket import create_connection
 from typing import cast
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
@@ -176,6 +177,10 @@ def test_only_pages_of_this_server_with_its_token_can_connect():
 def test_a_malformed_message_prints_nothing_and_harms_nobody(text, capfd, recwarn):
     controls = Controls(can_pause=True, can_mute=True, objects=("bottle", "bag"))
     with BrowserView(port=0, controls=controls) as view:
+        for head, answer in ((b"\xff", b""), (b"GET /\xff HTTP/1.1\r\nHost: 127.0.0.1", b"HTTP/1.1 403")):
+            with create_connection(("127.0.0.1", view._server.get_port())) as stranger:
+                stranger.sendall(head + b"\r\n\r\n")
+                assert stranger.recv(12) == answer
         with websocket(view) as socket:
             check(socket)
             if isinstance(text, tuple):

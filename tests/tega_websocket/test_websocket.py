@@ -223,6 +223,8 @@ def test_the_wrong_token_other_sites_long_messages_and_idle_peers_are_refused(ru
         address = ("127.0.0.1", int(base.rpartition(":")[2]))
         peers = [idle.enter_context(socket.create_connection(address, timeout=2)) for _ in range(200)]
         assert peers[0].recv(1) == b""  # long before its handshake is late; who has shaken hands stays
+        peers[-1].sendall(b"GET /\xff HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        assert b" 403 " in peers[-1].recv(100)
         with connect(run.url):
             own.send("x" * 5000)
         with pytest.raises(ConnectionClosed, match="1009"):

@@ -6,20 +6,29 @@ the name under which the server was addressed (``Host``), and the requesting pag
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
+import logging
 import secrets
 import socket
 import threading
-from collections.abc import Collection, Sequence
-from typing import Final
+from collections import deque
+from collections.abc import Callable, Collection, Sequence
+from typing import Any, Final
 from urllib.parse import urlsplit
 
 LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 _MOST_HEAD_BYTES: Final = 16_384
 _HEAD_S: Final = 5.0
 _MOST_CONNECTIONS: Final = 16
+# More than the 100 that asyncio accepts in one turn: a client among many is heard before it is the oldest.
+_MOST_SHAKING: Final = 128
 _PIECE_BYTES: Final = 65_536
 _POLL_S: Final = 0.2
+# A stranger's broken handshake is no news for the terminal; websockets would print a traceback.
+_QUIET: Final = logging.getLogger("tega.connections")
+_QUIET.addHandler(logging.NullHandler())
+_QUIET.propagate = False
 
 
 def foreign(
@@ -41,6 +50,30 @@ def foreign(
     if not pages <= set(hosts):
         return "another site's page cannot talk to this one"
     return ""
+
+
+def wary(kind: Callable[..., Any]) -> dict[str, Any]:
+    """Return what makes a server of ``websockets`` print nothing, and bound the handshakes that are open.
+
+    ``kind`` is its class of connections. Of too many, the oldest that has asked for nothing is closed: each holds
+    one of the process's file descriptors.
+    """
+    accepted = deque[Any]()
+
+    def made(*given: Any, **more: Any) -> Any:
+        connection = kind(*given, **more)
+        accepted.append(connection)
+        if len(accepted) > _MOST_SHAKING:
+            # Not at once: only after this turn of the loop does every earlier connection have its transport.
+            asyncio.get_running_loop().call_soon(_drop, accepted.popleft())
+        return connection
+
+    return {"create_connection": made, "logger": _QUIET}
+
+
+def _drop(oldest: Any) -> None:
+    if oldest.request is None:
+        oldest.transport.abort()
 
 
 def hidden_address() -> str:

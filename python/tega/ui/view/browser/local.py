@@ -21,7 +21,7 @@ import websockets.asyncio.server
 import websockets.exceptions
 
 from tega.loop.controls import MotorAnswer
-from tega.ui.view.same_machine import foreign
+from tega.ui.view.same_machine import foreign, wary
 
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
@@ -109,6 +109,7 @@ def _guarded(
                 answer = await answer
             return _named(answer, label) if is_page and answer is not None else answer
 
+        more |= wary(websockets.asyncio.server.ServerConnection)
         return serve(functools.partial(_serve_page, handler), *where, process_request=requested, **more)
 
     setattr(websockets.asyncio.server, "serve", guarded)  # noqa: B010
@@ -130,7 +131,7 @@ def _named(answer: Any, label: str) -> Any:
 
 def _refused(request: Any, token: str, *, allow_remote: bool) -> str:
     first = request.path.partition("?")[0].split("/")[1:2]
-    if not first or not hmac.compare_digest(first[0].encode(), token.encode()):
+    if not first or not hmac.compare_digest(first[0].encode(errors="surrogateescape"), token.encode()):
         return "the address has a token in it: use the one that the program has printed"
     hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
     return foreign(hosts, origins, allow_remote=allow_remote)
