@@ -196,7 +196,8 @@ class LslMarkersIn:
                 continue
             try:
                 self._listen(found[0])
-            except (lsl.util.LostError, RuntimeError, TimeoutError) as error:
+            # A TypeError is a stream whose description the library cannot read.
+            except (lsl.util.LostError, RuntimeError, TimeoutError, TypeError) as error:
                 self.problem = f"markers: stream {self._name!r} was lost: {error}; it is looked for"
 
     def _several(self, found: list[Any]) -> str:
@@ -224,7 +225,16 @@ class LslMarkersIn:
 
     def _pull(self, inlet: Any, wait_s: float) -> bool:
         """Process the next marker, once there is one; return whether there was."""
-        values, stamp_s = inlet.pull_sample(timeout=wait_s)
+        try:
+            values, stamp_s = inlet.pull_sample(timeout=wait_s)
+        except UnicodeDecodeError as error:  # it has the text, the stamp is lost
+            text = error.object.decode(errors="replace")
+            self._take(text, math.nan, float(inlet.time_correction()))
+            self._other_clock = (
+                f"markers: {self._name!r} sends {text[:40]!r}, which is not UTF-8: the marker is recorded with its "
+                "arrival; let the sender encode texts as UTF-8"
+            )
+            return True
         if values is not None:
             self._take(" ".join(map(str, values)), float(stamp_s), float(inlet.time_correction()))
         return values is not None

@@ -155,18 +155,19 @@ def test_two_streams_of_markers_of_one_name_are_refused_until_one_is_gone() -> N
     assert {one.text for one in received} == {"there"}
 
 
-@pytest.mark.parametrize("ago_s", [-1.7e9, -10.0, 500.0])
-def test_a_marker_s_stamp_of_another_clock_is_reported_and_its_arrival_counts(ago_s: float) -> None:
+@pytest.mark.parametrize("odd_marker", ["mark odd -1.7e9", "mark odd -10", "mark odd 500", "mark-latin odd"])
+def test_a_marker_of_another_clock_or_coding_is_reported_and_its_arrival_counts(odd_marker: str) -> None:
     received: list[ReceivedMarker] = []
     with Emulator("lsl_markers", "--name", "tega-odd") as other:
         listening = LslMarkersIn("tega-odd", received.append)
         until(lambda: listening.problem == "")
         until(lambda: bool(other.say("mark good")["consumers"]) and bool(received))
         assert listening.n_unstamped == 0
-        other.say(f"mark odd {ago_s}")
-        until(lambda: "is of another clock" in listening.problem)
+        other.say(odd_marker)
+        why = "is of another clock" if odd_marker.startswith("mark ") else "'odd\ufffd', which is not UTF-8"
+        until(lambda: why in listening.problem)
         listening.close()
-    odd = next(marker for marker in received if marker.text == "odd")
+    odd = next(marker for marker in received if marker.text.startswith("odd"))
     assert odd.at_ns == odd.received_ns
     assert listening.n_unstamped == 1
     good = next(marker for marker in received if marker.text == "good")

@@ -1,8 +1,9 @@
 """Another program that marks moments and hears those of others: ``python -m tega_emulators.lsl_markers``.
 
 Needs ``pylsl``. What its stream is called is the ``port`` that it prints. Commands: ``mark TEXT`` marks now,
-``mark TEXT S`` what was S seconds ago; ``hear NAME`` listens to a stream of texts; ``heard`` tells what came, each with
-its stamp as it was sent. ``at_s`` is this process's monotonic clock, seconds; on Linux that is the library's own.
+``mark TEXT S`` what was S seconds ago; ``mark-latin TEXT`` marks TEXT and an accent in Latin-1; ``hear NAME`` listens
+to a stream of texts; ``heard`` tells what came, each with its stamp as it was sent. ``at_s`` is this process's
+monotonic clock, seconds; on Linux that is the library's own.
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ def main() -> None:
     notify({"port": name})
 
     def act(words: list[str]) -> dict[str, Any] | None:
-        if words[0] == "mark":
+        if words[0] in {"mark", "mark-latin"}:
             at_s = pylsl.local_clock() - (float(words[2]) if len(words) > 2 else 0.0)
-            outlet.push_sample([words[1]], at_s)
+            outlet.push_sample([words[1].encode() + (b"" if words[0] == "mark" else b"\xe9")], at_s)
             return {"at_s": at_s, "consumers": outlet.have_consumers()}
         if words[0] == "hear":
             (stream, *_) = pylsl.resolve_byprop("name", words[1], 1, _FIND_S) or [None]
