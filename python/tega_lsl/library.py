@@ -75,7 +75,7 @@ def connected(
         inlet = lsl.StreamInlet(found[0], max_buflen=buffer_s, recover=False)
         inlet.open_stream(timeout=start_s)
         return inlet, float(inlet.time_correction(timeout=start_s)), inlet.info(timeout=start_s)
-    except (RuntimeError, TimeoutError) as error:
+    except (RuntimeError, TimeoutError, TypeError) as error:  # the last of a description that cannot be read
         raise DeviceUnavailableError(
             f"{who}: {value!r} was found, but did not connect: {error}",
             "see that no firewall blocks TCP 16572 to 16604",

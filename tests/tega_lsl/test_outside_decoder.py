@@ -113,13 +113,14 @@ def test_the_newest_closure_is_passed_on_and_an_old_or_bad_one_is_held() -> None
 def test_no_stream_and_a_stream_of_texts_are_refused_with_what_to_do() -> None:
     with pytest.raises(DeviceUnavailableError, match="no stream with name 'tega-test-nobody'"):
         OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-nobody", start_s=0.5))
-    info = pylsl.StreamInfo(
-        "tega-test-words", "Markers", 1, pylsl.IRREGULAR_RATE, "string", "tega-test-words"
-    )
-    outlet = pylsl.StreamOutlet(info)
-    with pytest.raises(DeviceUnavailableError, match="is a stream of texts"):
-        OutsideDecoder(SETUP, OutsideOptions(stream="tega-test-words"))
-    del outlet
+    for name, rate, kind, why in (
+        ("tega-test-words", pylsl.IRREGULAR_RATE, "string", "is a stream of texts"),
+        ("tega-test-no-rate", float("nan"), "double64", "did not connect"),
+    ):
+        outlet = pylsl.StreamOutlet(pylsl.StreamInfo(name, "Markers", 1, rate, kind, name))
+        with pytest.raises(DeviceUnavailableError, match=why):
+            OutsideDecoder(SETUP, OutsideOptions(stream=name))
+        del outlet
 
 
 def test_a_closure_with_a_stamp_of_another_clock_is_never_fresh() -> None:
