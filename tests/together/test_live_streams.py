@@ -133,10 +133,26 @@ def test_the_server_itself_is_at_no_address_that_a_page_would_try(stream: Foxglo
         assert address.startswith("127.")
 
 
-def test_a_client_that_says_nothing_or_too_much_is_dropped(stream, monkeypatch):
+def test_a_client_that_says_too_little_or_too_much_is_dropped_and_one_that_reads_slowly_is_waited_for(
+    stream, monkeypatch
+):
+    with socket.create_server(("127.0.0.1", 0)) as behind:
+        front, n = same_machine.SameMachine(0, behind=behind.getsockname()), 0
+        with socket.create_connection(("127.0.0.1", front.port), timeout=10) as slow:
+            slow.sendall(b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            with behind.accept()[0] as server, pytest.raises(TimeoutError):
+                server.settimeout(1.0)  # so long after every buffer is full
+                assert server.recv(4096).startswith(b"GET / ")
+                while True:
+                    n += server.send(bytes(65_536))
+            assert sum(map(len, iter(lambda: slow.recv(65_536), b""))) == n
+        front.close()
     monkeypatch.setattr(same_machine, "_HEAD_S", 0.2)
-    with socket.create_connection(place(stream), timeout=10) as silent:
-        assert silent.recv(100) == b""
+    with socket.create_connection(place(stream), timeout=0.05) as slow, pytest.raises(ConnectionError):
+        for _ in range(100):
+            slow.sendall(b"x")
+            with suppress(TimeoutError):
+                slow.recv(100)
     with socket.create_connection(place(stream), timeout=10) as flood:
         flood.sendall(b"GET / HTTP/1.1\r\nX: " + b"x" * 40_000)
         assert flood.recv(100).startswith(b"HTTP/1.1 403")

@@ -12,6 +12,7 @@ import logging
 import secrets
 import socket
 import threading
+import time
 from collections import deque
 from collections.abc import Callable, Collection, Sequence
 from typing import Any, Final
@@ -124,8 +125,8 @@ class SameMachine:
     def _connect(self, client: socket.socket) -> None:
         try:
             with client, contextlib.suppress(OSError):
-                client.settimeout(_HEAD_S)
                 head = _head(client)
+                client.settimeout(_HEAD_S)
                 if why := self._refused(head):
                     body = f"{why}\n".encode()
                     client.sendall(
@@ -171,7 +172,10 @@ class SameMachine:
                     continue
                 if not n:
                     break
-                target.sendall(piece[:n])
+                rest = piece[:n]
+                while rest and not self._leaving.is_set():
+                    with contextlib.suppress(TimeoutError):  # a client that is slow to read is waited for
+                        rest = rest[target.send(rest) :]
         for end in (source, target):
             with contextlib.suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
@@ -179,8 +183,9 @@ class SameMachine:
 
 def _head(client: socket.socket) -> bytes:
     """Return the bytes received up to the end of the request's head; without an end if it is too long."""
-    data = b""
+    data, end_s = b"", time.monotonic() + _HEAD_S
     while b"\r\n\r\n" not in data and len(data) < _MOST_HEAD_BYTES:
+        client.settimeout(max(end_s - time.monotonic(), 0.001))
         more = client.recv(4096)
         if not more:
             break
