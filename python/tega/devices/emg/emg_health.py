@@ -94,6 +94,7 @@ class EmgHealth:
             found.insert(0, f"{lost} samples were lost in {n} gaps, the longest {longest_ms:.0f} ms")
         return tuple(found)
 
+    @np.errstate(over="ignore", invalid="ignore")  # a sender may send anything
     def _check(self) -> list[str]:
         recent = self._past[-self._n_checked :]
         words: list[str] = []
@@ -111,12 +112,12 @@ class EmgHealth:
         return words
 
     def _fault_of(self, recent: NDArray[np.float64], past: NDArray[np.float64]) -> str:
+        if not np.isfinite(recent).all():
+            return "delivers values that are no numbers"
         low, high = self._limits or (-np.inf, np.inf)
         at_limit = float(((recent <= low) | (recent >= high)).mean())
         if at_limit > RAILED_SHARE:
             return "at the converter's limit: electrode off, cable out, or amplifier saturated"
-        if not np.isfinite(recent).all():
-            return "delivers values that are no numbers"
         if np.ptp(recent) == 0:
             return "no signal at all: cable out or channel switched off"
         if at_limit > CLIPPED_SHARE:
