@@ -199,6 +199,7 @@ class ValueCheck:
             "set bits or limits to those of the board; a clipped signal is not seen otherwise",
         )
 
+    @np.errstate(over="ignore", invalid="ignore")  # a sender may send anything
     def _counting(self) -> Contradiction | None:
         if len(self._past) < self._n_rising:
             return None
