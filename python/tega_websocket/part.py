@@ -20,7 +20,16 @@ from tega.records.types import record_types
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import run_realtime
 from tega_websocket.commands import CommandedPart, Commands
-from tega_websocket.messages import PROTOCOL, Command, Mark, Release, encode, encode_record, field_units
+from tega_websocket.messages import (
+    PROTOCOL,
+    Mark,
+    MessageError,
+    Release,
+    decode,
+    encode,
+    encode_record,
+    field_units,
+)
 from tega_websocket.server import Served, Server
 from tega_websocket.settings import WebSocketTable, read_token
 
@@ -123,7 +132,12 @@ class WebSocketPart(CommandedPart):
             content["touch"] = {finger: one.cci_norm for finger, one in view.felt.items()}
         return encode("State", content | {"dropped": n_dropped})
 
-    def _command(self, client: int, command: Command) -> None:
+    def _command(self, client: int, data: str | bytes) -> None:
+        try:
+            command = decode(data)
+        except MessageError:
+            self._commands.refused["malformed"] += 1
+            raise
         if isinstance(command, Release):
             self._commands.release(client)
         elif isinstance(command, Mark):

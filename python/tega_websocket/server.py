@@ -17,7 +17,7 @@ from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import foreign, wary
-from tega_websocket.messages import MOST_BYTES, Command, MessageError, decode, encode
+from tega_websocket.messages import MOST_BYTES, MessageError, encode
 
 _MOST_CLIENTS: Final = 8
 _START_S: Final = 10.0
@@ -38,7 +38,7 @@ class Served(NamedTuple):
 
     welcome: Callable[[int], bytes]
     state: Callable[[int], bytes]
-    command: Callable[[int, Command], None]
+    command: Callable[[int, str | bytes], None]
     gone: Callable[[int], None]
 
 
@@ -215,6 +215,6 @@ class Server:
 
     def _take(self, client: Client, data: str | bytes) -> None:
         try:
-            self._served.command(client.number, decode(data))
+            self._served.command(client.number, data)
         except MessageError as error:
             client.put(encode("Refused", {"why": str(error)}))

@@ -198,7 +198,6 @@ def test_a_message_that_cannot_be_obeyed_is_answered_with_the_reason(run: Run) -
             (hand | {"t_ns": 2**53}, "ahead: "),
             (hand | {"t_ns": 0}, "old: "),
             (arm | {"t_ns": 0}, "not allowed: "),
-            ({"type": "Vest"}, "Invalid value 'Vest'"),
         ):
             peer.send(**message)
             assert why in peer.refusal()
@@ -314,12 +313,11 @@ def test_a_client_leads_the_arm_while_it_holds_dead_man_and_clutch() -> None:
         "arm": {"driver": "simulated-arm"},
         "websocket": {"port": 0, "arm": True, "ttl_ms": 1500},
     }
-    turn = [0, 0, 0, 1]
     with Run(arm) as running, Peer(running.url) as peer:
 
         def lead(wanted: Callable[[], object], x: float, *, clutch: bool) -> None:
             held = {"dead_man": True, "clutch": clutch}
-            peer.follow(wanted, type="Arm", position_m=[x, 0, 0], quaternion_xyzw=turn, **held)
+            peer.follow(wanted, type="Arm", position_m=[x, 0, 0], quaternion_xyzw=[0, 0, 0, 1], **held)
 
         def where() -> tuple[float, ...]:
             return tuple(peer.state["arm_hand_m"])
@@ -335,4 +333,6 @@ def test_a_client_leads_the_arm_while_it_holds_dead_man_and_clutch() -> None:
         lead(lambda: math.dist(where(), before) > 0.02, 0.04, clutch=True)
         assert math.dist(where(), before) < 0.06
         peer.follow(lambda: not peer.state["arm"].startswith("following"))
-        assert running.end()["websocket"]["refused"] == {}
+        peer.send(type="Vest")
+        assert "Invalid value 'Vest'" in peer.refusal()
+        assert running.end()["websocket"]["refused"] == {"malformed": 1}
