@@ -127,6 +127,20 @@ def test_mistakes_are_named(settings: Path, override: str, message: str) -> None
 
 
 @pytest.mark.parametrize(
+    ("tables", "drivers", "option", "refused"),
+    [
+        (("tactile.thumb", "tactile.index"), ("digit", "digit"), 'serial = "D20641"', "index.options.serial"),
+        (("vest", "hand"), ("vest-recorder", "can-recorder"), 'file = "out.csv"', "hand.options.file"),
+    ],
+)
+def test_a_device_or_a_written_file_is_named_once(settings, tables, drivers, option, refused):
+    parts = zip(tables, drivers, strict=True)
+    settings.write_text("".join(f'[{t}]\ndriver = "{d}"\noptions = {{ {option} }}\n' for t, d in parts))
+    with pytest.raises(ConfigError, match=rf"^session.toml:6: .*{refused} = .*: {tables[0]} has it, too"):
+        load_config(settings, environ={})
+
+
+@pytest.mark.parametrize(
     ("written", "instead", "message"),
     [
         ('preset = "paper"', 'prset = "paper"', "3: session.prset: unknown key; did you mean 'preset'"),

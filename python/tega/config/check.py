@@ -144,6 +144,8 @@ def check_tree(tree: dict[str, Any], origins: Mapping[str, str], *, base: Path) 
             with _named(origins, f"tactile.{finger}.driver"):
                 column_of_each(shown, [finger])
     _check_dead_man(config.input.dead_man)
+    fingers = {f"tactile.{f}": section for f, section in tactile.items()}
+    _check_once({**fingers, "emg": config.emg, "vest": config.vest, "hand": config.hand}, origins)
     config, mounted = _with_mounted_hand(config, origins)
     guests = read_guest_tables(given, TableContext(base, config, with_options), convert)
     config = msgspec.structs.replace(config, guests=guests)
@@ -232,6 +234,23 @@ def _typed_stages(
             'name a reflex, such as stages.reflex.name = "grip", or leave them out',
         )
     return msgspec.structs.replace(stages, **changed)
+
+
+def _check_once(sections: Mapping[str, Any], origins: Mapping[str, str]) -> None:
+    """Refuse a device, or a file that an output writes, which an earlier part of the settings names as well."""
+    users: dict[str, str] = {}
+    for key, section in sections.items():
+        for option in ("serial", "source", "port", "channel", "file"):
+            value = getattr(getattr(section, "options", None), option, None)
+            if not isinstance(value, str | Path) or users.setdefault(str(value), key) == key:
+                continue
+            # One recording may have pictures of several fingers, and EMG.
+            if option != "file" or key in {"vest", "hand"}:
+                path = f"{key}.options.{option}"
+                raise ConfigError(
+                    f"{where(origins, path)}: {path} = {str(value)!r}: {users[str(value)]} has it, too",
+                    "name another: a device is one part's alone, and so is a file that is written",
+                )
 
 
 def _check_dead_man(seat: InputConfig | None) -> None:

@@ -142,22 +142,13 @@ def test_a_package_that_is_not_installed_and_a_can_bus_that_is_not_there(
     assert "no CAN bus 'can77'" in only(tmp_path, hand).finding
 
 
-def test_one_device_named_twice_is_opened_once(tmp_path: Path) -> None:
-    section = 'driver = "digit"\noptions = { serial = "D20641" }\n'
-    thumb, index = reported(tmp_path, f"[tactile.thumb]\n{section}[tactile.index]\n{section}")
-    assert (thumb.check, thumb.status) == ("tactile.thumb", "missing")
-    assert "no camera has the serial number 'D20641'" in thumb.finding
-    assert (index.check, index.status) == ("tactile.index", "error")
-    assert "tactile.thumb name the same device" in index.finding
-
-
 def test_what_would_overwrite_a_recording_is_not_opened(tmp_path: Path) -> None:
     table = tmp_path / "vest.csv"
     table.write_text("kept")
     found = reported(
         tmp_path,
         '[vest]\ndriver = "vest-recorder"\noptions = { file = "vest.csv" }\n'
-        '[hand]\ndriver = "can-recorder"\noptions = { file = "vest.csv" }\n',
+        '[hand]\ndriver = "can-recorder"\noptions = { file = "can.csv" }\n',
     )
     assert table.read_text() == "kept"
     assert found[0].status == "ok"

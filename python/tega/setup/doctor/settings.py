@@ -6,7 +6,6 @@ an open device knows, such as its true rate, are checked when a run starts.
 
 from __future__ import annotations
 
-from collections import defaultdict
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Final
@@ -35,9 +34,6 @@ from tega.setup.doctor.findings import DriverCase, Examination, Finding, Status
 CHECK: Final = "calibration"
 DEADLINE_S: Final = 30.0
 """Deadline of everything: a slow amplifier measures its rate for ten seconds before it is refused."""
-
-# Options that say which device is meant; two parts of a session with the same ones mean one device.
-_IDENTITY = ("serial", "source", "port", "address", "value", "channel", "folder", "file")
 
 
 def _about(status: Status, text: str, *steps: str, why: str = "") -> Finding:
@@ -175,12 +171,9 @@ def examine(config: SessionConfig, *, name: str, settings: str = "") -> Examinat
     no_input = _no_input(config)
     if not cases and not config.guests:
         return Examination(settings=name, findings=tuple(no_input))
-    twice = _same_device(cases)
-    # Opened twice at once, a device would only complain about that.
-    left = {id(case) for case, _ in twice}
-    findings = try_all([case for case in cases if id(case) not in left], DEADLINE_S)
+    findings = try_all(cases, DEADLINE_S)
     calibration = check_calibration(config, settings=settings or name)
-    others = [finding for _, finding in twice] + check_arm(config)
+    others = check_arm(config)
     for feature in having("checks"):
         others += _of_feature(feature, config)
     return Examination(settings=name, findings=(*no_input, *findings, *others, *calibration))
@@ -230,26 +223,3 @@ def cases_of(config: SessionConfig) -> list[DriverCase]:
         for check, kind, section in named
         if section is not None and section.driver is not None
     ]
-
-
-def _same_device(cases: list[DriverCase]) -> list[tuple[DriverCase, Finding]]:
-    """Find parts of the settings that name the device of an earlier part."""
-    users: defaultdict[str, list[DriverCase]] = defaultdict(list)
-    for case in cases:
-        if case.kind == "input":
-            continue  # one SpaceMouse may have several seats
-        for key in _IDENTITY:
-            value = getattr(case.options, key, None)
-            if not value:
-                continue
-            # A port is a port, whoever opens it; anything else is its driver's own business.
-            name = str(value) if str(value).startswith("/dev/") else f"{case.driver} {key} {value}"
-            users[name].append(case)
-    found = []
-    why = "one device cannot be two"
-    todo = ("look at the numbers printed on the devices and correct the settings",)
-    for name, (first, *others) in users.items():
-        for case in others:
-            text = f"{case.check} and {first.check} name the same device: {name}"
-            found.append((case, case.reported(name, "error", text, why=why, todo=todo)))
-    return found
