@@ -62,7 +62,9 @@ class Ros2Bag:
             which = f"topic {topic!r} is none with" if topic else f"{len(fits)} topics have"
             raise RecordingError(
                 f"{path.name}: {which} {subject}; its topics: {listed or 'none'}"[:2000],
-                "name one with --topic",
+                "name one with --topic"
+                if fits
+                else "name another bag; what `run --record` recorded is re-run with: tega-teleop verify SESSION",
             )
         self.kind, self.n_messages, _ = topics[self.topic]
         self.begin_ns = min(begins, default=0)
