@@ -37,7 +37,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
         capture = cv2.VideoCapture(full_source(source), cv2.CAP_FFMPEG, [*limits, cv2.CAP_PROP_N_THREADS, 1])
         fix = "is the address right, its sender on, and the network up?"
     else:
-        place, access = camera_place(f"camera:{source}" if source.isdecimal() else source)
+        place, access = camera_place(source)
         capture = cv2.VideoCapture(place, getattr(cv2, access))
         fix = "another program may use it, or your user may not read it; tega-teleop doctor lists cameras"
     if not capture.isOpened():

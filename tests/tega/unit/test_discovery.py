@@ -108,6 +108,7 @@ def test_windows_and_macos_name_cameras_by_number(
         ("camera:2", "win32", (2, "CAP_MSMF")),
         ("camera:2", "darwin", (2, "CAP_AVFOUNDATION")),
         ("camera:2", "linux", ("/dev/video2", "CAP_V4L2")),
+        ("2", "linux", ("/dev/video2", "CAP_V4L2")),
         ("/dev/v4l/by-id/x", "linux", ("/dev/v4l/by-id/x", "CAP_V4L2")),
         ("camera:two", "win32", ("camera:two", "CAP_FFMPEG")),
         ("http://127.0.0.1:80/a.mjpg", "darwin", ("http://127.0.0.1:80/a.mjpg", "CAP_FFMPEG")),

@@ -102,10 +102,10 @@ def numbered_cameras(
 def camera_place(source: str, system: str = sys.platform) -> tuple[str | int, str]:
     """Return the path or number of a source for OpenCV, and the name of the backend.
 
-    ``source`` is ``/dev/video2``, ``camera:2``, or a stream's address; ``system`` as in ``sys.platform``.
+    ``source`` is ``/dev/video2``, ``camera:2`` or ``2``, or a stream's address; ``system`` as in ``sys.platform``.
     """
     number = source.removeprefix(_NUMBERED)
-    if number != source and number.isdecimal():
+    if number.isdecimal():
         if system in _BACKENDS:
             return int(number), _BACKENDS[system]
         source = f"/dev/video{number}"
