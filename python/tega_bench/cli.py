@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -57,6 +58,8 @@ def acceptance(
         )
     loaded = load_config(config, sets=sets).config
     case = acceptance_case(loaded, device)
+    out.mkdir(parents=True, exist_ok=True)
+    TemporaryFile(dir=out).close()  # no hour is spent on a report that cannot be written
     report = accept_device(loaded, case, AcceptanceGuide(yes=yes), answered=not yes)
     data, text = write_report(report, out)
     if as_json:
