@@ -105,7 +105,7 @@ def test_a_topic_that_does_not_fit_is_refused_with_those_there_are(tmp_path: Pat
     with pytest.raises(RecordingError, match="topic '/c' is none with pictures"):
         frames_of(path, "/c")
     assert len(frames_of(path, "/b")) == 1
-    with pytest.raises(RecordingError, match="0 topics have arrays of numbers; .* tega-teleop verify"):
+    with pytest.raises(RecordingError, match=r"0 topics have arrays of numbers; .* tega-teleop verify"):
         emg_of(path)
 
 

@@ -148,6 +148,16 @@ def cli(ctx: click.Context) -> None:
         click.echo(_GREETING)
 
 
+_STEPS = {
+    errno.ENOSPC: "make room; what was written is not whole",
+    **dict.fromkeys(
+        (errno.EACCES, errno.EPERM, errno.EROFS),
+        "your user may not read or write there: name another place, work in another folder, or have it allowed",
+    ),
+}
+"""Hints about an error of the system."""
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run a command line and exit.
 
@@ -187,8 +197,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(EXIT_FAILED)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        hint = "make room; what was written is not whole" if error.errno == errno.ENOSPC else ""
-        _notify(f"{where}{error.strerror or error}", hint, debug=debug)
+        _notify(f"{where}{error.strerror or error}", _STEPS.get(error.errno or 0, ""), debug=debug)
         sys.exit(EXIT_FAILED)
     except Exception as error:  # the last resort: no traceback unless asked for
         author = _author(error)
