@@ -94,7 +94,7 @@ def replay(
 
     With --view the loop runs in real time, on a page that can pause. To re-run a recorded session, use verify.
 
-    The folder --out gets contacts.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and
+    The folder --out gets contacts.csv, events.csv, levels.csv, vest.csv, can.csv, summary.json, calibration.toml and
     picture.png. A summary of each finger, the level and the vest is printed. The same input gives the same bytes.
     With --json: the summary, with a table "measured" of wall_s and real_time_factor.
     """
