@@ -141,7 +141,10 @@ def test_a_program_s_levels_reach_from_1_to_5_and_lapse() -> None:
 
 
 def test_what_is_out_of_range_is_refused_and_sends_nothing(tmp_path: Path) -> None:
-    with session(settings(tmp_path, recorded=True)) as s:
+    s = session(settings(tmp_path, recorded=True))
+    with pytest.raises(InvalidValueError, match="has not begun"):
+        s.vest.send(np.zeros(40))
+    with s:
         next(s)
         for level in (0.9, 5.1, np.nan, np.inf):
             with pytest.raises(InvalidValueError, match="1 to 5"):

@@ -99,11 +99,13 @@ class ProgramVest(MotorTests):
 
         Raises:
             DeviceUnavailableError: The settings name no vest.
-            InvalidValueError: A number is out of range, or the frame is of another layout.
+            InvalidValueError: A number is out of range, the frame is of another layout, or the session has not begun.
             ShapeError: There are not as many numbers as motors.
         """
         if self._driver is None:
             raise DeviceUnavailableError("the session has no vest", "set vest.driver")
+        if not self._layout:
+            raise InvalidValueError("the session has not begun", "use it in a with statement")
         if isinstance(intensities, MotorLevels):
             if intensities.layout != self._layout:
                 raise InvalidValueError(f"frame of layout {intensities.layout}, not {self._layout}")
