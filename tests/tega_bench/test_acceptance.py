@@ -279,9 +279,7 @@ def test_the_verb_writes_the_report_twice_and_tells_no_key(
         assert str(tmp_path) not in file.read_text(encoding="utf-8")
     _, err = call(capsys, *words, code=2)
     assert "asks a person" in err
-    _, err = call(
-        capsys, "acceptance", settings, "vest", "--yes", "--out", Path(message["text"]) / "x", code=1
-    )
+    _, err = call(capsys, *words[:3], "--yes", "--out", settings / "below-a-file", code=1)
     assert "(not asked)" not in err  # no test whose report is lost
     _, err = call(capsys, "acceptance", settings, "foot", "--yes", code=1)
     assert "the settings name no device 'foot'" in err

@@ -41,6 +41,8 @@ kind = "raw"
 options = { file = "squeeze.csv", rate_hz = 200.0, channels = [3, 6] }
 """
 
+DIGIT = "{driver='digit',options={serial='D1'}}"
+
 
 @pytest.fixture
 def settings(tmp_path: Path) -> Path:
@@ -113,6 +115,11 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
+        (
+            f"tactile={{thumb={DIGIT},index={DIGIT}}}",
+            "index.options.serial = 'D1': tactile.thumb has it, too",
+        ),
+        ("hand={driver='can-recorder',options={file='squeeze.csv'}}", "squeeze.csv': emg has it, too"),
         ("session.preset.x=3", r"session\.preset is a value, not a table"),
         ("pace=fast", r"did you mean 'session\.pace' or 'vest\.pace'\?"),
         ("vest.duration_s=3", r"did you mean 'session\.duration_s'\?"),
@@ -124,20 +131,6 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
 def test_mistakes_are_named(settings: Path, override: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         load_config(settings, environ={}, sets=[override])
-
-
-@pytest.mark.parametrize(
-    ("tables", "drivers", "option", "refused"),
-    [
-        (("tactile.thumb", "tactile.index"), ("digit", "digit"), 'serial = "D20641"', "index.options.serial"),
-        (("vest", "hand"), ("vest-recorder", "can-recorder"), 'file = "out.csv"', "hand.options.file"),
-    ],
-)
-def test_a_device_or_a_written_file_is_named_once(settings, tables, drivers, option, refused):
-    parts = zip(tables, drivers, strict=True)
-    settings.write_text("".join(f'[{t}]\ndriver = "{d}"\noptions = {{ {option} }}\n' for t, d in parts))
-    with pytest.raises(ConfigError, match=rf"^session.toml:6: .*{refused} = .*: {tables[0]} has it, too"):
-        load_config(settings, environ={})
 
 
 @pytest.mark.parametrize(
