@@ -74,7 +74,9 @@ def test_relative_paths_belong_to_whoever_wrote_them(settings, tmp_path, monkeyp
     elsewhere = tmp_path / "elsewhere"
     elsewhere.mkdir()
     monkeypatch.chdir(elsewhere)
-    config = load_config(settings, environ={}, sets=["session.out_dir=here"]).config
+    vest = "vest={driver='vest-recorder',options={file='here'}}"
+    config, values = load_config(settings, environ={}, sets=["session.out_dir=here", vest])
+    assert values["vest.options.file"] == (elsewhere / "here", "--set")
     index = config.tactile["index"]
     assert index is not None
     assert index.baseline == tmp_path / "gel.png"
@@ -128,7 +130,8 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("preset", r"not of the form key=value"),
     ],
 )
-def test_mistakes_are_named(settings: Path, override: str, message: str) -> None:
+def test_mistakes_are_named(settings, override, message, monkeypatch) -> None:
+    monkeypatch.chdir(settings.parent)
     with pytest.raises(ConfigError, match=message):
         load_config(settings, environ={}, sets=[override])
 

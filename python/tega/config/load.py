@@ -151,8 +151,6 @@ def override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str,
         value: Any = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text
-    if isinstance(value, str):
-        value = Overridden(value)
     *tables, last = key.split(".")
     node = tree
     for i, table in enumerate(tables):
@@ -161,8 +159,19 @@ def override(tree: dict[str, Any], origins: dict[str, str], key: str, text: str,
             raise ConfigError(
                 f"{origin}: {key}: {'.'.join(tables[: i + 1])} is a value, not a table", "check the key"
             )
-    node[last] = value
-    origins[key] = origin
+    node[last] = _overridden(value)
+    for replaced in [name for name in origins if name.startswith((f"{key}.", f"{key}["))]:
+        del origins[replaced]
+    origins |= dict.fromkeys((key, *(name for name, _ in leaves({key: value}))), origin)
+
+
+def _overridden(value: Any) -> Any:
+    """Mark all texts of a value as given outside the file."""
+    if isinstance(value, str):
+        return Overridden(value)
+    if isinstance(value, list):
+        return [_overridden(one) for one in value]
+    return {name: _overridden(one) for name, one in value.items()} if isinstance(value, dict) else value
 
 
 ENVIRONMENT_PREFIX = "TEGA_"
