@@ -126,6 +126,8 @@ def test_refuses_to_serve_others(host):
     for port in (70_000, -1):
         with pytest.raises(InvalidValueError):
             BrowserView(port=port)
+    with pytest.raises(InvalidValueError, match=r"at 203\.0\.113\.7, port 8080: .* address of this"):
+        BrowserView(host="203.0.113.7", allow_remote=True).__enter__()
 
 
 def websocket(view: BrowserView, **options):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import functools
 import hmac
 import inspect
@@ -11,6 +12,7 @@ import io
 import logging
 import re
 import secrets
+import socket
 import warnings
 from collections.abc import Awaitable, Callable, Iterator
 from html import escape
@@ -20,6 +22,7 @@ import viser
 import websockets.asyncio.server
 import websockets.exceptions
 
+from tega.errors import InvalidValueError
 from tega.loop.controls import MotorAnswer
 from tega.ui.view.same_machine import foreign, wary
 
@@ -57,6 +60,7 @@ class LocalServer(viser.ViserServer):
         self._url_host = f"[{host}]" if ":" in host else host
         # What a page sends is not the operator's business, who has the terminal.
         warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
+        port = _free_port(host, port)
         with _quiet(), _guarded(self.token, label, try_motor, allow_remote=allow_remote):
             super().__init__(host, port, label, verbose=False)
 
@@ -73,6 +77,24 @@ class LocalServer(viser.ViserServer):
         """Stop serving."""
         with _quiet():
             super().stop()
+
+
+def _free_port(host: str, port: int) -> int:
+    """Return the port, or the next free one: viser waits for ever where it can serve at none."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    why = ""
+    for free in range(port, min(port + 1000, 65_536)):
+        try:
+            with socket.create_server((host, free), family=family):
+                return free
+        except OSError as error:
+            why = str(error.strerror).partition(" (")[0]
+            if error.errno not in {errno.EADDRINUSE, errno.EACCES}:
+                break
+    raise InvalidValueError(
+        f"the page cannot be served at {host}, port {port}: {why}",
+        "name an address of this machine, and a port that is free and that your user may open",
+    )
 
 
 def _quiet() -> contextlib.AbstractContextManager[object]:
