@@ -101,7 +101,7 @@ def test_an_emulator_answers_what_it_does_not_understand_and_lives(module: str, 
 @pytest.mark.slow
 def test_a_line_that_is_no_move_is_refused_with_the_moves() -> None:
     bench = EmulatedBench()
-    for line in ("dance", "squeeze 2", "squeeze hard", "press", "press elbow", "rest 1"):
+    for line in ("dance", "squeeze 2", "squeeze hard", "squeeze 1 9", "press", "press elbow", "rest 1"):
         with pytest.raises(InvalidValueError, match="is no move") as found:
             bench.moves.act(line)
         assert "squeeze" in found.value.hint

@@ -32,6 +32,7 @@ MOVES: Final = (
 
 # What an arm that lies still has of full effort.
 _REST: Final = 0.02
+_CHANNELS: Final = 8  # of a Cyton
 _FIRM: Final = 0.7
 _SHAPES: Final = ("round", "flat")
 # Levels from 1 to 5 at which a closing hand begins to feel the thing in it, and holds it as firmly as it can.
@@ -78,7 +79,7 @@ class Moves:
     def act(self, line: str) -> Mapping[str, Any]:
         """Carry out a move. One that a person makes ends the script.
 
-        ``line`` is ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 (all);
+        ``line`` is ``rest``; ``squeeze`` with a strength from 0 to 1 (1) and a channel from 1 to 8 (all);
         ``press`` with a finger, a firmness from 0 to 1 (0.7) and what with (round); ``release`` of all
         fingers; ``put`` a round or flat thing into the hand, ``take`` it away; ``play`` a script of a seed
         (0), ``stop`` it. Returns nothing, or for ``vest`` the history of its motors. Any other line raises
@@ -124,6 +125,8 @@ class Moves:
     def _squeeze(self, strength: str = "1", channel: str = "") -> None:
         effort = f"effort {max(_share(strength), _REST)}"
         if channel:
+            if not 1 <= int(channel) <= _CHANNELS:
+                raise ValueError(channel)
             self._board.say(f"effort {_REST}")
             effort += f" {int(channel)}"
         self._board.say(effort)
