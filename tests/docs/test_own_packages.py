@@ -193,6 +193,7 @@ BREAKING = [
     ("own_device/emg", "OwnEmg", CLOSED, "return None", "while closed raises"),
     ("own_device/emg", "OwnEmg", UNCUT, "samples = np.zeros((1, 9))", "one column per channel"),
     ("own_device/emg", "OwnEmg", "self._n_delivered += len(samples)", "pass", "first_index never goes back"),
+    ("own_device/emg", "OwnEmg", "EmgChunk(time.monotonic_ns(), first, samples)", "samples", "EmgChunk, or None"),
     ("own_device/vest", "OwnVest", LIMITED, "(frame.intensities + 1)", "only ever lowers"),
 ]  # fmt: skip
 

@@ -117,10 +117,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
-        (
-            f"tactile={{thumb={DIGIT},index={DIGIT}}}",
-            "index.options.serial = 'D1': tactile.thumb has it, too",
-        ),
+        (f"tactile={{thumb={DIGIT},index={DIGIT}}}", "index.options.serial = 'D1': tactile.thumb has"),
         ("hand={driver='can-recorder',options={file='squeeze.csv'}}", "squeeze.csv': emg has it, too"),
         ("session.preset.x=3", r"session\.preset is a value, not a table"),
         ("pace=fast", r"did you mean 'session\.pace' or 'vest\.pace'\?"),

@@ -90,6 +90,8 @@ def _read_all(source: base.TactileSource | base.EmgSource, most_items: int) -> l
             break
         item = source.read(1.0)
         if item is not None:
+            of_kind = base.TactileFrame if source.info.kind == "tactile" else base.EmgChunk
+            rule(isinstance(item, of_kind), f"read returns a tega.devices.{of_kind.__name__}, or None")
             items.append(item)
             content.append(_content(item))
     rule([_content(item) for item in items] == content, "an item stays as it was when later ones are read")
