@@ -90,9 +90,8 @@ def derive(trials: Sequence[PlannedTrial], events: Sequence[JournalEvent]) -> Se
             skipped = running is None and event.status == "skipped" and _open(status[event.trial])
             if event.status is None or not (skipped or running == (event.trial, event.attempt)):
                 raise damaged("ends that had not begun")
-            if (
-                event.status in WITH_DATA and event.t_ns < began_ns
-            ):  # a restarted clock closes one without data
+            # One without data may have been closed after the machine, and with it the clock, was started again.
+            if event.status in WITH_DATA and event.t_ns < began_ns:
                 raise damaged("ends before it began")
             status[event.trial], running = event.status, None
     n_over = sum(not _open(one) for one in status.values())
