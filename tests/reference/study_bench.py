@@ -72,6 +72,14 @@ class ScriptedDesk:
         return self._answer
 
 
+def begin_ready(going: Going) -> None:
+    """Stand ready and begin once the experimenter says so, or has ended the trial."""
+    going.notify("armed", "stands ready")
+    while not going.over() and not going.may_go():
+        time.sleep(0.001)
+    going.begin(0)
+
+
 class StandingBench(TrialBench):
     """Devices that stand ready until the experimenter ends the trial; with ``own_time`` not by the clock's time."""
 
@@ -93,10 +101,7 @@ class LiftingBench(StandingBench):
         super().__init__(own_time=True)
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.notify("armed", "stands ready")
-        while not going.over() and not going.may_go():
-            time.sleep(0.001)
-        going.begin(0)
+        begin_ready(going)
         time.sleep(0.2)  # so that the experimenter sees the trial, and can press a key in it
         for t_ms in range(0, 1500, 50):
             going.observe("height", t_ms * 1_000_000, 0.25)

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,6 @@ import pytest
 
 pytest.importorskip("mujoco", reason="needs the extra tega[sim]")
 
-from reference.command import call
 from tega.errors import ConfigError, InvalidValueError, RecordingError
 from tega.records import Contact, Intent
 from tega.records.bus import Bus
@@ -227,15 +225,6 @@ def test_what_a_file_holds_is_not_run_again(tmp_path: Path, monkeypatch: pytest.
     out.write_text("something else\n")
     with pytest.raises(RecordingError, match="line 1"):
         run_trials(plans, out=out)
-
-
-def test_without_the_extra_one_line_says_what_to_install(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    err = call(capsys, "demo", "--fast", "--out", tmp_path / "demo", code=3)[1]
-    assert "[sim]'" in err
-    assert len(err.strip().splitlines()) == 2
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from reference.command import call
 from reference.installed import program
 from reference.processes import until
 from reference.scripted import touching
-from reference.study_bench import ScriptedDesk, StandingBench, study, trial_led
+from reference.study_bench import ScriptedDesk, StandingBench, begin_ready, study, trial_led
 from tega.errors import DeviceUnavailableError, RecordingError
 from tega.loop.snapshot import LoopView
 from tega.runtime.clock import ManualClock, SystemClock
@@ -278,10 +278,7 @@ class _Raised(StandingBench):
         self._drops = drops
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.notify("armed", "stands ready")
-        while not going.may_go():
-            pass
-        going.begin(0)
+        begin_ready(going)
         for tick in range(300):
             time.sleep(0.001)  # a key can be pressed meanwhile
             t_s = tick / 30

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reference.study_bench import StandingBench, study, trial_led
+from reference.study_bench import StandingBench, begin_ready, study, trial_led
 from tega.stages.events.outcomes import LiftRule, StableReading, success
 from tega_scene.courses import SceneCourses
 from tega_scene.outcomes import SceneRule
@@ -75,10 +75,7 @@ class _Raising(StandingBench):
         self._height_m = height_m
 
     def run(self, _trial: PlannedTrial, going: Going, _folder: Path) -> None:
-        going.notify("armed", "stands ready")
-        while not going.may_go():
-            pass
-        going.begin(0)
+        begin_ready(going)
         for hundredth in range(1700):
             going.observe("height", hundredth * 10_000_000, self._height_m(hundredth / 100))
 
