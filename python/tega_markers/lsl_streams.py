@@ -177,7 +177,7 @@ class LslMarkersIn:
         self.problem = f"markers: no stream called {name!r} on the network yet"
         self.n_received = self.n_unstamped = 0
         self.correction_s: float | None = None
-        self._other_clock = ""
+        self._marker_problem = ""
         self._thread = threading.Thread(target=self._work, name="tega-markers", daemon=True)
         self._thread.start()
 
@@ -212,10 +212,10 @@ class LslMarkersIn:
         try:
             inlet.open_stream(timeout=_CONNECT_S)
             inlet.time_correction(timeout=_CONNECT_S)
-            self._other_clock = ""
+            self._marker_problem = ""
             while not self._over.is_set():
                 there = list({one.uid(): one for one in [stream, *others.results()]}.values())
-                self.problem = self._several(there) if len(there) > 1 else self._other_clock
+                self.problem = self._several(there) if len(there) > 1 else self._marker_problem
                 self._pull(inlet, _WAIT_S)
             # What was set while the clocks were still compared, or came since the last look, belongs to the run.
             while self._pull(inlet, 0.0):
@@ -230,7 +230,7 @@ class LslMarkersIn:
         except UnicodeDecodeError as error:  # it has the text, the stamp is lost
             text = error.object.decode(errors="replace")
             self._take(text, math.nan, float(inlet.time_correction()))
-            self._other_clock = (
+            self._marker_problem = (
                 f"markers: {self._name!r} sends {text[:40]!r}, which is not UTF-8: the marker is recorded with its "
                 "arrival; let the sender encode texts as UTF-8"
             )
@@ -245,10 +245,10 @@ class LslMarkersIn:
         received_ns = time.monotonic_ns()
         at_s = stamp_s + correction_s + to_monotonic_s(self._lsl)
         age_s = received_ns * 1e-9 - at_s
-        self._other_clock = ""
+        self._marker_problem = ""
         if math.isnan(at_s) or is_other_clock(age_s, ahead_s=_AHEAD_S, away_s=_AWAY_S):
             self.n_unstamped += 1
-            self._other_clock = (
+            self._marker_problem = (
                 f"markers: {self._name!r} stamps {text[:40]!r} with {stamp_s:.3f} s, which is of another clock: "
                 "the marker is recorded with its arrival; stamp with lsl_local_clock(), or leave the stamp out"
             )

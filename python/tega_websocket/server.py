@@ -16,7 +16,7 @@ from typing import Any, Final, NamedTuple
 from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import require
 from tega.runtime.threads import run_realtime
-from tega.ui.view.same_machine import foreign, wary
+from tega.ui.view.same_machine import bounded_handshakes, foreign
 from tega_websocket.messages import MOST_BYTES, MessageError, encode
 
 _MOST_CLIENTS: Final = 8
@@ -162,7 +162,7 @@ class Server:
             ping_interval=_PING_S,
             ping_timeout=2 * _PING_S,
             close_timeout=1.0,
-            **wary(self._library.ServerConnection),
+            **bounded_handshakes(self._library.ServerConnection),
         )
         ready.set_result(server.sockets[0].getsockname()[1])
         try:

@@ -126,12 +126,9 @@ impl Chain {
             }
             self.lowpass.settle(channel, level);
         }
-        let needed = rows.len() + MARGIN;
-        if self.filtered.len() < needed {
-            self.swing.resize(needed, 0.0);
-            self.filtered.resize(needed, 0.0);
-        }
+        let needed = (rows.len() + MARGIN).max(self.filtered.len());
         if let Some(offset) = &mut self.offset {
+            self.swing.resize(needed, 0.0);
             offset.process(rows, &mut self.swing);
             let swing = &mut self.swing[..rows.len()];
             for x in &mut *swing {
@@ -139,6 +136,7 @@ impl Chain {
             }
             rows = swing;
         }
+        self.filtered.resize(needed, 0.0);
         self.lowpass.process(rows, &mut self.filtered);
         &self.filtered[..rows.len()]
     }

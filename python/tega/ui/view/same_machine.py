@@ -53,7 +53,7 @@ def foreign(
     return ""
 
 
-def wary(kind: Callable[..., Any]) -> dict[str, Any]:
+def bounded_handshakes(kind: Callable[..., Any]) -> dict[str, Any]:
     """Return what makes a server of ``websockets`` print nothing, and bound the handshakes that are open.
 
     ``kind`` is its class of connections. Of too many, the oldest that has asked for nothing is closed: each holds

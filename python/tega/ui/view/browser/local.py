@@ -24,7 +24,7 @@ import websockets.exceptions
 
 from tega.errors import InvalidValueError
 from tega.loop.controls import MotorAnswer
-from tega.ui.view.same_machine import foreign, wary
+from tega.ui.view.same_machine import bounded_handshakes, foreign
 
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
@@ -131,7 +131,7 @@ def _guarded(
                 answer = await answer
             return _named(answer, label) if is_page and answer is not None else answer
 
-        more |= wary(websockets.asyncio.server.ServerConnection)
+        more |= bounded_handshakes(websockets.asyncio.server.ServerConnection)
         return serve(functools.partial(_serve_page, handler), *where, process_request=requested, **more)
 
     setattr(websockets.asyncio.server, "serve", guarded)  # noqa: B010
