@@ -154,6 +154,7 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
         // The least of all, which leaves no bound to check within the loop.
         let there = if KEPT { kept_steps.len() } else { self.parts.steps };
         for step in 0..self.parts.steps.min(columns_of_steps.len()).min(there) {
+            images.fetch_ahead(step);
             let mut n = [first; GROUPS];
             for (k, n) in n.iter_mut().enumerate() {
                 // SAFETY: it is one of the steps.

@@ -49,19 +49,15 @@ pub(super) type Planes = [Vec<i16>; 3];
 pub(super) struct Strip {
     /// Sums down the columns of bytes, and zeros past the last one.
     sums: Vec<u16>,
-    /// Of all cells, part by part: sums of every other pixel and of those between them, and two of no meaning.
-    pairs: Vec<[u16; PAIR]>,
-    /// Of all cells: sums of both, and what comes after them.
-    both: Vec<u16>,
+    /// Of all cells, part by part: the sums of a pixel's bytes, 16 bits each, and 16 bits of no meaning.
+    parts: Vec<u64>,
     /// Sums over all cells, of each of a pixel's bytes.
     cells: [Vec<i32>; 3],
     copy: Vec<u8>,
 }
 
-/// Bytes of two pixels, and two more.
-const PAIR: usize = 8;
-/// The bits of one pixel's sums.
-const ONE: u64 = (1 << (3 * u16::BITS)) - 1;
+/// Sums of a pixel's bytes, and one more.
+const PIXEL: usize = 4;
 /// Sums that are added up at once.
 const VECTOR: usize = 16;
 /// Bytes whose sum fits 16 bits.
@@ -77,14 +73,13 @@ tega_simd::dispatched! {
 
 #[inline(always)]
 fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, planes: &mut Planes) {
-    let Strip { sums, pairs, both, cells, copy } = strip;
+    let Strip { sums, parts, cells, copy } = strip;
     // The sums of higher cells need more bits: they are those of parts, which are added up.
     let most = MOST_ROWS.min(TOGETHER / grid.side);
-    let parts = grid.side.div_ceil(most);
+    let in_cell = grid.side.div_ceil(most);
     sums.clear();
-    sums.resize(3 * grid.side * grid.cols + PAIR, 0);
-    pairs.resize(parts * grid.cells(), [0; PAIR]);
-    both.resize(PAIR * grid.cells(), 0);
+    sums.resize(3 * grid.side * grid.cols + 1, 0);
+    parts.resize(in_cell * grid.cells(), 0);
     for cells in &mut *cells {
         cells.resize(grid.cells(), 0);
     }
@@ -92,7 +87,7 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
     let mut lines = lines.outer_iter();
     for row in 0..grid.rows {
         let height = grid.side.min(grid.height - row * grid.side);
-        for part in 0..parts {
+        for part in 0..in_cell {
             let mut rows = [&[][..]; MOST_ROWS];
             let n = most.min(height.saturating_sub(part * most));
             for (row, line) in rows.iter_mut().zip(lines.by_ref().take(n)) {
@@ -101,23 +96,29 @@ fn average_plain(image: ArrayView3<'_, u8>, grid: &Grid, strip: &mut Strip, plan
             let width = sums.get_mut(..3 * grid.width).unwrap_or_default();
             sum_rows(rows.get(..n).unwrap_or_default(), width);
             let first = (part * grid.rows + row) * grid.cols;
-            let pairs = pairs.get_mut(first..first + grid.cols).unwrap_or_default();
+            let cells = parts.get_mut(first..first + grid.cols).unwrap_or_default();
             // Of a known side the loop is unrolled: small cells are as many as large ones.
             match grid.side {
-                3 => sum_pairs(sums, 3, pairs),
-                4 => sum_pairs(sums, 4, pairs),
-                5 => sum_pairs(sums, 5, pairs),
-                6 => sum_pairs(sums, 6, pairs),
-                7 => sum_pairs(sums, 7, pairs),
-                8 => sum_pairs(sums, 8, pairs),
-                9 => sum_pairs(sums, 9, pairs),
-                10 => sum_pairs(sums, 10, pairs),
-                side => sum_pairs(sums, side, pairs),
+                3 => sum_cells(sums, 3, cells),
+                4 => sum_cells(sums, 4, cells),
+                5 => sum_cells(sums, 5, cells),
+                6 => sum_cells(sums, 6, cells),
+                7 => sum_cells(sums, 7, cells),
+                8 => sum_cells(sums, 8, cells),
+                9 => sum_cells(sums, 9, cells),
+                10 => sum_cells(sums, 10, cells),
+                side => sum_cells(sums, side, cells),
             }
         }
     }
-    for (part, pairs) in pairs.chunks_exact(grid.cells()).enumerate() {
-        add_cells(pairs.as_flattened(), both, cells, if part == 0 { 0 } else { -1 });
+    for (part, sums) in parts.chunks_exact(grid.cells()).enumerate() {
+        // What the buffers held before is no part of the sum.
+        let kept = if part == 0 { 0 } else { -1 };
+        for (byte, cells) in cells.iter_mut().enumerate() {
+            for (cell, sum) in cells.iter_mut().zip(sums) {
+                *cell = (*cell & kept) + i32::from((sum >> (u16::BITS * byte as u32)) as u16);
+            }
+        }
     }
     for (plane, sums) in planes.iter_mut().zip(&*cells) {
         plane.resize(grid.cells(), 0);
@@ -183,52 +184,21 @@ fn added<const N: usize>(sums: [u16; VECTOR], kept: u16, rows: [&[u8; VECTOR]; N
     total
 }
 
-/// Sums the columns' sums over the pairs of pixels of each cell, and adds an odd side's last pixel.
+/// Sums the columns' sums over each cell: the pixels' numbers, four at a time. No sum overflows, and what comes
+/// behind them in the number means nothing.
 #[inline(always)]
-fn sum_pairs(sums: &[u16], side: usize, pairs: &mut [[u16; PAIR]]) {
-    let cells = sums.windows(3 * side + PAIR - 3).step_by(3 * side);
-    for (out, cell) in pairs.iter_mut().zip(cells) {
-        let mut sum = [0; PAIR];
-        for pair in 0..side / 2 {
-            if let Some(pair) = cell.get(6 * pair..6 * pair + PAIR) {
-                (0..PAIR).for_each(|lane| sum[lane] += pair[lane]);
-            }
-        }
-        *out = sum;
-    }
-    // In a loop of its own: three lanes of eight would take the vector above apart. They are added as one number, since
-    // no lane overflows.
-    if !side.is_multiple_of(2) {
-        let last = sums.get(3 * (side - 1)..).unwrap_or_default().windows(PAIR / 2).step_by(3 * side);
-        for (out, last) in pairs.iter_mut().zip(last) {
-            if let (Some(out), Some(last)) = (out.first_chunk_mut(), last.first_chunk()) {
-                *out = lanes(number(*out) + (number(*last) & ONE));
-            }
-        }
+fn sum_cells(sums: &[u16], side: usize, cells: &mut [u64]) {
+    let pixels = |columns: &[u16]| columns.windows(PIXEL).step_by(3).map(number).sum::<u64>();
+    for (cell, columns) in cells.iter_mut().zip(sums.windows(3 * side + 1).step_by(3 * side)) {
+        let fours = columns.windows(13).step_by(12).map(pixels).sum::<u64>();
+        *cell = fours + columns.get(12 * (side / 4)..).map_or(0, pixels);
     }
 }
 
-/// Half a pair's sums as one number, and back.
-fn number(sums: [u16; PAIR / 2]) -> u64 {
-    sums.into_iter().rev().fold(0, |number, sum| (number << u16::BITS) | u64::from(sum))
-}
-
-fn lanes(number: u64) -> [u16; PAIR / 2] {
-    from_fn(|lane| (number >> (u16::BITS * lane as u32)) as u16)
-}
-
-/// Adds the sums of the first and of the second pixels of pairs to the kept bits of those of cells.
-#[inline(always)]
-fn add_cells(pairs: &[u16], both: &mut [u16], cells: &mut [Vec<i32>; 3], kept: i32) {
-    let seconds = pairs.get(3..).unwrap_or_default();
-    for (both, (first, second)) in both.iter_mut().zip(pairs.iter().zip(seconds)) {
-        *both = first + second;
-    }
-    for (byte, cells) in cells.iter_mut().enumerate() {
-        for (sum, both) in cells.iter_mut().zip(both.as_chunks::<PAIR>().0) {
-            *sum = (*sum & kept) + i32::from(both[byte]);
-        }
-    }
+/// A pixel's sums as one number.
+fn number(sums: &[u16]) -> u64 {
+    let sums: &[u16; PIXEL] = sums.first_chunk().unwrap_or(&[0; PIXEL]);
+    sums.iter().rev().fold(0, |number, sum| (number << u16::BITS) | u64::from(*sum))
 }
 
 /// Means of cells from their sums, halves rounded up.

@@ -3,11 +3,16 @@
 //! An eight within a row is loaded from four bytes before it to four bytes behind it, so that each half of a vector holds
 //! four pixels. The first and the last have no such bytes and are loaded by halves.
 
-use std::arch::x86_64::{__m256i, _mm256_cmpgt_epi32, _mm256_set1_epi32, _mm256_setr_epi32};
+use std::arch::x86_64::{
+    __m256i, _MM_HINT_T0, _mm_prefetch, _mm256_cmpgt_epi32, _mm256_set1_epi32, _mm256_setr_epi32,
+};
 
 use super::levels::{BYTES, LANES, STEP, STEP_BYTES};
 use crate::kernel::Images;
 
+/// Bytes from a step to what is fetched while it is summed up: half of all loads cross cache lines, and those that also
+/// miss the first cache hold the others up.
+const AHEAD: usize = 2048;
 /// Most eights behind the steps: of up to 33 pixels.
 pub(super) const MOST_LAST: usize = 5;
 
@@ -77,6 +82,19 @@ impl<'r> RowParts<'r> {
         debug_assert!(step < self.parts.steps);
         // SAFETY: 3 · width ≥ 3 · (8 + 32 · steps + 2) is more than where the last step ends.
         unsafe { self.chunks(BYTES - 4 + 3 * STEP * step) }
+    }
+
+    /// Fetches what as many bytes as a step has, [`AHEAD`] of it, lie on: of rows to come, or of nothing.
+    #[target_feature(enable = "sse")]
+    #[inline]
+    pub fn fetch_ahead(&self, step: usize) {
+        let from = 3 * STEP * step + AHEAD;
+        for image in [self.frame, self.baseline] {
+            for half in [from, from + 3 * STEP / 2] {
+                // SAFETY: a prefetch of an address reads nothing and may name any.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(image.as_ptr().wrapping_add(half).cast()) };
+            }
+        }
     }
 
     /// One of the last eights.
