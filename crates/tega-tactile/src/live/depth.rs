@@ -81,11 +81,13 @@ impl Solver {
         for (field, depth) in self.field.chunks_exact_mut(stride).zip(self.depth.chunks_exact(cols)) {
             field.split_at_mut(cols).0.copy_from_slice(depth);
         }
-        multiply(&self.down[0], &self.field, rows, [rows, stride], &mut self.spare);
-        multiply(&self.spare, &self.across[1], cols, [stride, stride], &mut self.field);
-        multiply_each(&mut self.field, &self.inverse);
-        multiply(&self.down[1], &self.field, rows, [rows, stride], &mut self.spare);
-        multiply(&self.spare, &self.across[0], cols, [stride, stride], &mut self.field);
+        for (there, back) in [(0, 1), (1, 0)] {
+            multiply(&self.down[there], &self.field, rows, [rows, stride], &mut self.spare);
+            multiply(&self.spare, &self.across[back], cols, [stride, stride], &mut self.field);
+            if there == 0 {
+                multiply_each(&mut self.field, &self.inverse);
+            }
+        }
         for (depth, field) in self.depth.chunks_exact_mut(cols).zip(self.field.chunks_exact(stride)) {
             depth.copy_from_slice(field.split_at(cols).0);
         }
@@ -153,6 +155,9 @@ fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
 #[inline(always)]
 fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
     let [a_stride, stride] = strides;
+    // As many sums as fit into registers, and about as many each time: few of them would wait for each other.
+    let vectors = stride / LANES;
+    let at_once = vectors.div_ceil(vectors.div_ceil(4).max(1)).max(1);
     for (a, out) in a.chunks(2 * a_stride).zip(out.chunks_mut(2 * stride)) {
         // Two rows at a time: what is loaded of the other matrix is for both. An odd last one stands for both.
         let (upper, lower) = a.split_at(a_stride);
@@ -160,14 +165,16 @@ fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]
             [upper, if lower.is_empty() { upper } else { lower }].map(|a| a.get(..k).unwrap_or_default());
         let (upper, lower) = out.split_at_mut(stride);
         let mut first = 0;
-        // Four sums at a time, so that one does not wait for the other.
-        while first + 4 * LANES <= stride {
-            columns::<4>(both, b, stride, first, [upper, lower]);
-            first += 4 * LANES;
-        }
         while first < stride {
-            columns::<1>(both, b, stride, first, [upper, lower]);
-            first += LANES;
+            let out = [&mut *upper, &mut *lower];
+            let vectors = at_once.min((stride - first) / LANES);
+            match vectors {
+                4.. => columns::<4>(both, b, stride, first, out),
+                3 => columns::<3>(both, b, stride, first, out),
+                2 => columns::<2>(both, b, stride, first, out),
+                _ => columns::<1>(both, b, stride, first, out),
+            }
+            first += LANES * vectors;
         }
     }
 }
