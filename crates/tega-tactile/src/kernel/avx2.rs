@@ -18,7 +18,7 @@ use std::arch::x86_64::{
 
 use lanes::{Lanes, lanes_i32};
 use levels::{GROUPS, LANES, Products, STEP};
-use parts::{MOST_LAST, Parts, RowParts};
+use parts::{AHEAD, MOST_LAST, Parts, RowParts, fetch};
 
 use super::factors::Factors;
 use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED};
@@ -164,6 +164,7 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
             }
             if KEPT {
                 let [a, b, c, d] = n;
+                fetch(kept_steps[step].as_ptr().cast::<u8>().wrapping_add(AHEAD));
                 keep(&mut kept_steps[step], 0, &mut lanes.max, [a, b]);
                 keep(&mut kept_steps[step], 2 * LANES, &mut lanes.max, [c, d]);
             }

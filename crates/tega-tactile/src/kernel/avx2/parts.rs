@@ -10,9 +10,9 @@ use std::arch::x86_64::{
 use super::levels::{BYTES, LANES, STEP, STEP_BYTES};
 use crate::kernel::Images;
 
-/// Bytes from a step to what is fetched while it is summed up: half of all loads cross cache lines, and those that also
-/// miss the first cache hold the others up.
-const AHEAD: usize = 2048;
+/// Bytes from a step to what is fetched while it is summed up, of the images and of kept levels: half of all loads cross
+/// cache lines, and loads and stores that miss the first cache hold the others up.
+pub(super) const AHEAD: usize = 2048;
 /// Most eights behind the steps: of up to 33 pixels.
 pub(super) const MOST_LAST: usize = 5;
 
@@ -85,15 +85,13 @@ impl<'r> RowParts<'r> {
     }
 
     /// Fetches what as many bytes as a step has, [`AHEAD`] of it, lie on: of rows to come, or of nothing.
-    #[target_feature(enable = "sse")]
+    #[target_feature(enable = "avx2")]
     #[inline]
     pub fn fetch_ahead(&self, step: usize) {
-        let from = 3 * STEP * step + AHEAD;
         for image in [self.frame, self.baseline] {
-            for half in [from, from + 3 * STEP / 2] {
-                // SAFETY: a prefetch of an address reads nothing and may name any.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(image.as_ptr().wrapping_add(half).cast()) };
-            }
+            let from = image.as_ptr().wrapping_add(3 * STEP * step + AHEAD);
+            fetch(from);
+            fetch(from.wrapping_add(3 * STEP / 2));
         }
     }
 
@@ -118,4 +116,13 @@ impl<'r> RowParts<'r> {
         // SAFETY: as the caller says; both rows are of one length.
         unsafe { [&*self.frame.as_ptr().add(from).cast(), &*self.baseline.as_ptr().add(from).cast()] }
     }
+}
+
+/// Has the processor fetch the cache line of a byte.
+#[target_feature(enable = "avx2")]
+#[inline]
+#[allow(unused_unsafe, reason = "newer compilers hold that a prefetch is safe")]
+pub(super) fn fetch(byte: *const u8) {
+    // SAFETY: it reads nothing, and may name any address.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(byte.cast()) };
 }
