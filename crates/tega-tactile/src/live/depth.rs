@@ -1,7 +1,11 @@
 //! Depth from shading: slopes of the gel from its colours, and the surface whose slopes they are.
 //!
 //! Per cell two slopes come from three colours by least squares with a light field ([`light`](super::light)); the depth h is the surface
-//! that minimises Σ |∇h - slope|² + μ h², solved exactly by cosine transforms over the cells.
+//! that minimises Σ |∇h - slope|² + μ h². A cosine transform along the rows of cells turns its equations into one chain down the rows for
+//! each coefficient, which one pass down and one up solve. Every other cosine is the same from both ends of a row, and those between
+//! change their sign: the transform takes sums and differences of both ends, and has a quarter of the work twice.
+
+use std::array::from_fn;
 
 use super::cells::Grid;
 use super::colour::LANES;
@@ -10,14 +14,19 @@ use super::trig::cos_of_turn;
 /// How strongly depth is held at zero; keeps what the colours say nothing about from piling up over the picture.
 const HOLD: f64 = 0.005;
 
-/// Cosine transforms over the cells and what divides the coefficients between them; buffers.
+/// Rows that are transformed at a time: what is loaded of the matrix is for all.
+const ROWS: usize = 4;
+
+/// Cosine transforms along rows of cells and the chains between them; buffers.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Solver {
-    /// Rows of the transform along columns of cells, (rows, rows), and its transpose.
-    down: [Vec<f32>; 2],
-    /// The same along rows of cells, (cols, cols), and its transpose.
-    across: [Vec<f32>; 2],
-    inverse: Vec<f32>,
+    /// Values a row of half a transform: coefficients of even or of odd number, or sums or differences of both ends of a row.
+    half: usize,
+    /// From sums and differences, (`half`, `half`) each, to coefficients; and back.
+    there: [Vec<f32>; 2],
+    back: [Vec<f32>; 2],
+    /// What a chain's value is multiplied by, (rows, 2 · `half`).
+    shares: Vec<f32>,
     slopes: [Vec<f32>; 2],
     downward: Vec<f32>,
     field: Vec<f32>,
@@ -26,40 +35,46 @@ pub(super) struct Solver {
     pub depth: Vec<f32>,
 }
 
-/// A cosine transform of `n` values and its transpose, rows `stride` apart.
-fn transform(n: usize, stride: usize) -> [Vec<f32>; 2] {
-    let value = |k: usize, x: usize| {
+/// One half of a cosine transform of `n` values, of even (0) or odd (1) coefficients, `half` values a row; and its transpose.
+fn transform(n: usize, odd: usize, half: usize) -> [Vec<f32>; 2] {
+    let mut matrices = [vec![0.0; half * half], vec![0.0; half * half]];
+    for (x, i) in (0..n.div_ceil(2)).flat_map(|x| (0..(n + 1 - odd) / 2).map(move |i| (x, i))) {
+        let k = 2 * i + odd;
         let scale = if k == 0 { 1.0 / n as f64 } else { 2.0 / n as f64 };
-        (scale.sqrt() * cos_of_turn(k * (2 * x + 1), 2 * n)) as f32
-    };
-    let matrix = |of: &dyn Fn(usize, usize) -> f32| {
-        let mut m = vec![0.0; n * stride];
-        for (row, line) in m.chunks_exact_mut(stride).enumerate() {
-            line.iter_mut().take(n).enumerate().for_each(|(col, v)| *v = of(row, col));
+        let value = scale.sqrt() * cos_of_turn(k * (2 * x + 1), 2 * n);
+        // The middle of an odd row is both of its ends.
+        let ends = if 2 * x + 1 == n { 0.5 } else { 1.0 };
+        matrices[0][x * half + i] = (ends * value) as f32;
+        matrices[1][i * half + x] = value as f32;
+    }
+    matrices
+}
+
+/// What each value of a chain down the rows is multiplied by: the elimination of its three diagonals.
+fn shares(grid: &Grid, half: usize) -> Vec<f32> {
+    let mut shares = vec![0.0; grid.rows * 2 * half];
+    for k in 0..grid.cols {
+        let bend = 2.0 - 2.0 * cos_of_turn(k, grid.cols);
+        let mut before = 0.0;
+        for row in 0..grid.rows {
+            let neighbours = f64::from(u8::from(row > 0)) + f64::from(u8::from(row + 1 < grid.rows));
+            before = 1.0 / (neighbours + bend + HOLD - before);
+            shares[row * 2 * half + k % 2 * half + k / 2] = before as f32;
         }
-        m
-    };
-    [matrix(&|k, x| value(k, x)), matrix(&|x, k| value(k, x))]
+    }
+    shares
 }
 
 impl Solver {
     pub fn of(grid: &Grid) -> Self {
-        let bend = |k: usize, n: usize| 2.0 - 2.0 * cos_of_turn(k, n);
-        let inverse = |row: usize, col: usize| {
-            // The mean of the surface is not seen in its slopes: it is 0 here, and what is untouched is set to 0 later.
-            let known = row + col > 0;
-            if known { (1.0 / (bend(row, grid.rows) + bend(col, grid.cols) + HOLD)) as f32 } else { 0.0 }
-        };
-        let (n, stride) = (grid.cells(), grid.cols.next_multiple_of(LANES));
-        let padded = grid.rows * stride;
-        let mut divide = vec![0.0; padded];
-        for (row, line) in divide.chunks_exact_mut(stride).enumerate() {
-            line.iter_mut().take(grid.cols).enumerate().for_each(|(col, v)| *v = inverse(row, col));
-        }
+        let (n, half) = (grid.cells(), grid.cols.div_ceil(2).next_multiple_of(LANES));
+        let padded = grid.rows.next_multiple_of(ROWS) * 2 * half;
+        let [[even, from_even], [odd, from_odd]] = [0, 1].map(|odd| transform(grid.cols, odd, half));
         Self {
-            down: transform(grid.rows, grid.rows),
-            across: transform(grid.cols, stride),
-            inverse: divide,
+            half,
+            there: [even, odd],
+            back: [from_even, from_odd],
+            shares: shares(grid, half),
             slopes: [vec![0.0; n], vec![0.0; n]],
             downward: vec![0.0; n],
             field: vec![0.0; padded],
@@ -75,21 +90,54 @@ impl Solver {
         for (slope, [wa, wb, wc]) in self.slopes.iter_mut().zip(weights) {
             weigh_three([a, b, c], [wa, wb, wc], slope);
         }
-        let (rows, cols) = (grid.rows, grid.cols);
-        let stride = cols.next_multiple_of(LANES);
+        let (cols, half) = (grid.cols, self.half);
         divergence(&self.slopes, grid, &mut self.downward, &mut self.depth);
-        for (field, depth) in self.field.chunks_exact_mut(stride).zip(self.depth.chunks_exact(cols)) {
-            field.split_at_mut(cols).0.copy_from_slice(depth);
-        }
-        for (there, back) in [(0, 1), (1, 0)] {
-            multiply(&self.down[there], &self.field, rows, [rows, stride], &mut self.spare);
-            multiply(&self.spare, &self.across[back], cols, [stride, stride], &mut self.field);
-            if there == 0 {
-                multiply_each(&mut self.field, &self.inverse);
+        for (field, row) in self.field.chunks_exact_mut(2 * half).zip(self.depth.chunks_exact(cols)) {
+            let (sums, differences) = field.split_at_mut(half);
+            for (((sum, difference), a), b) in sums.iter_mut().zip(differences).zip(row).zip(row.iter().rev())
+            {
+                (*sum, *difference) = (a + b, a - b);
             }
         }
-        for (depth, field) in self.depth.chunks_exact_mut(cols).zip(self.field.chunks_exact(stride)) {
-            depth.copy_from_slice(field.split_at(cols).0);
+        multiply(&self.field, &self.there, half, cols.div_ceil(2), &mut self.spare);
+        chains(&mut self.spare, &self.shares, 2 * half);
+        multiply(&self.spare, &self.back, half, cols.div_ceil(2), &mut self.field);
+        for (field, row) in self.field.chunks_exact(2 * half).zip(self.depth.chunks_exact_mut(cols)) {
+            let (evens, odds) = field.split_at(half);
+            let (first, last) = row.split_at_mut(cols / 2);
+            for ((out, even), odd) in last.iter_mut().rev().zip(evens).zip(odds) {
+                *out = even - odd;
+            }
+            for ((out, even), odd) in first.iter_mut().zip(evens).zip(odds) {
+                *out = even + odd;
+            }
+        }
+    }
+}
+
+/// Solves the chains down the columns: each value holds on to the one before it and the one after it.
+#[inline(always)]
+fn chains(values: &mut [f32], shares: &[f32], stride: usize) {
+    let rows = shares.len() / stride;
+    for row in 0..rows {
+        let (before, here) = values.split_at_mut(row * stride);
+        let shares = shares.get(row * stride..).unwrap_or_default();
+        let before = before.get(row.saturating_sub(1) * stride..).unwrap_or_default();
+        let here = here.get_mut(..stride).unwrap_or_default();
+        if row == 0 {
+            multiply_each(here, shares);
+            continue;
+        }
+        for ((here, before), share) in here.iter_mut().zip(before).zip(shares) {
+            *here = (*here + before) * share;
+        }
+    }
+    for row in (1..rows).rev() {
+        let (here, after) = values.split_at_mut(row * stride);
+        let at = (row - 1) * stride;
+        let here = here.get_mut(at..).unwrap_or_default();
+        for ((here, after), share) in here.iter_mut().zip(after).zip(shares.get(at..).unwrap_or_default()) {
+            *here += share * *after;
         }
     }
 }
@@ -150,61 +198,62 @@ fn weigh_three(white: [&[f32]; 3], weights: [&[f32]; 3], out: &mut [f32]) {
     }
 }
 
-/// Matrix product of (n, k) and (k, m) into (n, m); rows lie `strides` values apart in the first and in the other two, the latter a multiple of
-/// [`LANES`]. Every sum runs in one order, so that all processors give the same bits.
+/// Multiplies both halves of each row, of `k` values and `half` with what is past them, by a matrix each. Every sum runs in one order, so
+/// that all processors give the same bits.
 #[inline(always)]
-fn multiply(a: &[f32], b: &[f32], k: usize, strides: [usize; 2], out: &mut [f32]) {
-    let [a_stride, stride] = strides;
-    // As many sums as fit into registers, and about as many each time: few of them would wait for each other.
-    let vectors = stride / LANES;
-    let at_once = vectors.div_ceil(vectors.div_ceil(4).max(1)).max(1);
-    for (a, out) in a.chunks(2 * a_stride).zip(out.chunks_mut(2 * stride)) {
-        // Two rows at a time: what is loaded of the other matrix is for both. An odd last one stands for both.
-        let (upper, lower) = a.split_at(a_stride);
-        let both =
-            [upper, if lower.is_empty() { upper } else { lower }].map(|a| a.get(..k).unwrap_or_default());
-        let (upper, lower) = out.split_at_mut(stride);
-        let mut first = 0;
-        while first < stride {
-            let out = [&mut *upper, &mut *lower];
-            let vectors = at_once.min((stride - first) / LANES);
-            match vectors {
-                4.. => columns::<4>(both, b, stride, first, out),
-                3 => columns::<3>(both, b, stride, first, out),
-                2 => columns::<2>(both, b, stride, first, out),
-                _ => columns::<1>(both, b, stride, first, out),
+fn multiply(rows: &[f32], by: &[Vec<f32>; 2], half: usize, k: usize, out: &mut [f32]) {
+    let stride = 2 * half;
+    for (rows, out) in rows.chunks_exact(ROWS * stride).zip(out.chunks_exact_mut(ROWS * stride)) {
+        for (odd, by) in by.iter().enumerate() {
+            let rows: [&[f32]; ROWS] = from_fn(|row| {
+                rows.get(row * stride + odd * half..).and_then(|row| row.get(..k)).unwrap_or_default()
+            });
+            let mut first = 0;
+            while first < half {
+                let at = odd * half + first;
+                if first + 2 * LANES <= half {
+                    columns::<2>(rows, by, half, first, at, out);
+                    first += 2 * LANES;
+                } else {
+                    columns::<1>(rows, by, half, first, at, out);
+                    first += LANES;
+                }
             }
-            first += LANES * vectors;
         }
     }
 }
 
+/// Columns from `first` on of rows times a matrix, which go to `at` in each row of what comes out.
 #[inline(always)]
 fn columns<const N: usize>(
-    [upper, lower]: [&[f32]; 2],
-    b: &[f32],
-    stride: usize,
+    rows: [&[f32]; ROWS],
+    by: &[f32],
+    half: usize,
     first: usize,
-    out: [&mut [f32]; 2],
+    at: usize,
+    out: &mut [f32],
 ) {
-    let mut sums = [[0f32; LANES]; N];
-    let mut below = sums;
-    for ((upper, lower), b) in upper.iter().zip(lower).zip(b.chunks_exact(stride)) {
-        let Some(b) = b.get(first..first + N * LANES) else { return };
-        for ((sums, below), b) in sums.iter_mut().zip(&mut below).zip(b.as_chunks::<LANES>().0) {
+    let mut sums = [[[0f32; LANES]; ROWS]; N];
+    let [a, b, c, d] = rows;
+    for (((a, b), (c, d)), by) in a.iter().zip(b).zip(c.iter().zip(d)).zip(by.chunks_exact(half)) {
+        let Some(by) = by.get(first..first + N * LANES) else { return };
+        for ([x, y, z, w], by) in sums.iter_mut().zip(by.as_chunks::<LANES>().0) {
             for lane in 0..LANES {
-                sums[lane] += upper * b[lane];
-                below[lane] += lower * b[lane];
+                x[lane] += a * by[lane];
+                y[lane] += b * by[lane];
+                z[lane] += c * by[lane];
+                w[lane] += d * by[lane];
             }
         }
     }
-    for (out, sums) in out.into_iter().zip([sums, below]) {
-        if let Some(out) = out.get_mut(first..first + N * LANES) {
-            out.copy_from_slice(sums.as_flattened());
+    for (row, out) in out.chunks_exact_mut(2 * half).enumerate().take(ROWS) {
+        if let Some(out) = out.get_mut(at..at + N * LANES) {
+            for (out, sums) in out.as_chunks_mut().0.iter_mut().zip(&sums) {
+                *out = sums[row];
+            }
         }
     }
 }
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -240,5 +289,43 @@ mod tests {
         let error: f32 =
             solver.depth.iter().zip(&wanted).map(|(a, b)| (a - floor - b).abs()).sum::<f32>() / 1200.0;
         assert!(error < 0.1, "{error}");
+    }
+
+    #[test]
+    fn every_cell_of_the_surface_obeys_its_equation() {
+        for (height, width) in [(1, 1), (8, 1), (1, 9), (120, 160), (213, 160), (150, 201), (320, 60)] {
+            let grid = Grid::of(height, width);
+            let slope =
+                |by: usize| (0..grid.cells()).map(|k| (k * k * by % 17) as f32 / 17.0 - 0.5).collect();
+            let white = [slope(3), slope(5), vec![0.0; grid.cells()]];
+            let weights =
+                [0, 1].map(|axis| from_fn(|colour| vec![f32::from(u8::from(axis == colour)); grid.cells()]));
+            let mut solver = Solver::of(&grid);
+            solver.solve(&white, &weights, &grid);
+            let at = |row: usize, col: usize| row * grid.cols + col;
+            let depth = |cell: usize| f64::from(solver.depth[cell]);
+            for (row, col) in (0..grid.rows).flat_map(|row| (0..grid.cols).map(move |col| (row, col))) {
+                let here = at(row, col);
+                let mut left = HOLD * depth(here);
+                // What flows to and from each neighbour.
+                let mut flow = |other: usize, axis: usize, sign: f64| {
+                    let mean = 0.5 * (f64::from(white[axis][here]) + f64::from(white[axis][other]));
+                    left += depth(here) - depth(other) + sign * mean;
+                };
+                if row > 0 {
+                    flow(at(row - 1, col), 1, -1.0);
+                }
+                if row + 1 < grid.rows {
+                    flow(at(row + 1, col), 1, 1.0);
+                }
+                if col > 0 {
+                    flow(at(row, col - 1), 0, -1.0);
+                }
+                if col + 1 < grid.cols {
+                    flow(at(row, col + 1), 0, 1.0);
+                }
+                assert!(left.abs() < 1e-5, "{height}x{width} {row},{col}: {left}");
+            }
+        }
     }
 }
