@@ -302,36 +302,33 @@ fn one_two_one(a: &[f32], b: &[f32], c: &[f32], out: &mut [f32]) {
 /// Mean depth of the cells, each weighed by its change squared.
 #[inline(always)]
 fn at_change(depth: &[f32], change: &[f32]) -> f32 {
-    let mut sums = [[0f32; LANES]; 2];
-    // At most seven cells of the last corner are left out.
-    for (d, e) in depth.as_chunks::<LANES>().0.iter().zip(change.as_chunks::<LANES>().0) {
-        for lane in 0..LANES {
-            let weight = e[lane] * e[lane];
-            sums[0][lane] += weight;
-            sums[1][lane] += weight * d[lane];
-        }
-    }
+    mean_by(weighed_sums(depth, change, |change| change * change))
+}
+
+/// Mean depth where the colours hardly change, each cell weighed by how little: 1 / (1 + v⁴), v the scaled change.
+#[inline(always)]
+fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
+    let scale = if strongest > 0.0 { 1.0 / (UNTOUCHED * strongest) } else { 0.0 };
+    mean_by(weighed_sums(depth, change, |change| {
+        let v = change * scale;
+        1.0 / (1.0 + (v * v) * (v * v))
+    }))
+}
+
+#[inline(always)]
+fn mean_by(sums: [[f32; LANES]; 2]) -> f32 {
     let [weights, sums] = sums.map(|lanes| total(&lanes));
     if weights > 0.0 { sums / weights } else { 0.0 }
 }
 
-/// Mean depth where the colours hardly change, each cell weighed by how little.
+/// Sums of the cells' weights by their change, and of weight times depth.
 #[inline(always)]
-fn untouched(depth: &[f32], change: &[f32], strongest: f32) -> f32 {
-    let scale = if strongest > 0.0 { 1.0 / (UNTOUCHED * strongest) } else { 0.0 };
-    let [weights, sums] = untouched_sums(depth, change, scale).map(|lanes| total(&lanes));
-    if weights > 0.0 { sums / weights } else { 0.0 }
-}
-
-/// Sums of weights 1 / (1 + v⁴), v the scaled change, and of weight times depth.
-#[inline(always)]
-fn untouched_sums(depth: &[f32], change: &[f32], scale: f32) -> [[f32; 8]; 2] {
-    let mut sums = [[0f32; 8]; 2];
+fn weighed_sums(depth: &[f32], change: &[f32], weight: impl Fn(f32) -> f32) -> [[f32; LANES]; 2] {
+    let mut sums = [[0f32; LANES]; 2];
     // At most seven cells of the last corner are left out.
-    for (d, e) in depth.as_chunks::<8>().0.iter().zip(change.as_chunks::<8>().0) {
-        for lane in 0..8 {
-            let v = e[lane] * scale;
-            let weight = 1.0 / (1.0 + (v * v) * (v * v));
+    for (d, e) in depth.as_chunks::<LANES>().0.iter().zip(change.as_chunks::<LANES>().0) {
+        for lane in 0..LANES {
+            let weight = weight(e[lane]);
             sums[0][lane] += weight;
             sums[1][lane] += weight * d[lane];
         }

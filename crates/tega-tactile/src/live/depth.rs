@@ -93,25 +93,42 @@ impl Solver {
         let (cols, half) = (grid.cols, self.half);
         divergence(&self.slopes, grid, &mut self.downward, &mut self.depth);
         for (field, row) in self.field.chunks_exact_mut(2 * half).zip(self.depth.chunks_exact(cols)) {
-            let (sums, differences) = field.split_at_mut(half);
-            for (((sum, difference), a), b) in sums.iter_mut().zip(differences).zip(row).zip(row.iter().rev())
-            {
-                (*sum, *difference) = (a + b, a - b);
-            }
+            fold(row, field.split_at_mut(half));
         }
         multiply(&self.field, &self.there, half, cols.div_ceil(2), &mut self.spare);
         chains(&mut self.spare, &self.shares, 2 * half);
         multiply(&self.spare, &self.back, half, cols.div_ceil(2), &mut self.field);
         for (field, row) in self.field.chunks_exact(2 * half).zip(self.depth.chunks_exact_mut(cols)) {
-            let (evens, odds) = field.split_at(half);
-            let (first, last) = row.split_at_mut(cols / 2);
-            for ((out, even), odd) in last.iter_mut().rev().zip(evens).zip(odds) {
-                *out = even - odd;
-            }
-            for ((out, even), odd) in first.iter_mut().zip(evens).zip(odds) {
-                *out = even + odd;
-            }
+            unfold(field.split_at(half), row);
         }
+    }
+}
+
+/// Sums and differences of both ends of a row, from the ends to the middle.
+#[inline(always)]
+fn fold(row: &[f32], (sums, differences): (&mut [f32], &mut [f32])) {
+    let n = row.len().div_ceil(2).min(sums.len()).min(differences.len());
+    let (first, last) = (&row[..n], &row[row.len() - n..]);
+    let (sums, differences) = (&mut sums[..n], &mut differences[..n]);
+    for k in 0..n {
+        let (a, b) = (first[k], last[n - 1 - k]);
+        (sums[k], differences[k]) = (a + b, a - b);
+    }
+}
+
+/// Both ends of a row from what its even and its odd cosines add up to.
+#[inline(always)]
+fn unfold((even, odd): (&[f32], &[f32]), row: &mut [f32]) {
+    let n = row.len().div_ceil(2).min(even.len()).min(odd.len());
+    let (even, odd) = (&even[..n], &odd[..n]);
+    let from = row.len() - n;
+    let last = &mut row[from..];
+    for k in 0..n {
+        last[n - 1 - k] = even[k] - odd[k];
+    }
+    let first = &mut row[..n];
+    for k in 0..n {
+        first[k] = even[k] + odd[k];
     }
 }
 
