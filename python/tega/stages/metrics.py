@@ -83,7 +83,7 @@ class LiveMetric(Metric):
 
     summary: ClassVar[str] = "graded contact with hysteresis; CCI rises with the press"
     memory: ClassVar[bool] = True
-    version: ClassVar[int] = 11
+    version: ClassVar[int] = 12
     options_type: ClassVar[type[StageOptions]] = LiveOptions
 
     @classmethod
