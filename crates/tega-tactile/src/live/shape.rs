@@ -230,11 +230,9 @@ impl Runs {
         let (left, right) = (at(left), at(right));
         let rise: [f32; LANES] = std::array::from_fn(|lane| right[lane] - left[lane]);
         let mut lengths = [0u32; LANES];
-        for across in across {
-            for share in across {
-                for lane in 0..LANES {
-                    lengths[lane] += u32::from(left[lane] + share * rise[lane] > level);
-                }
+        for share in across.as_flattened().iter().take(width) {
+            for lane in 0..LANES {
+                lengths[lane] += u32::from(left[lane] + share * rise[lane] > level);
             }
         }
         let mut skips = [0u32; LANES];
