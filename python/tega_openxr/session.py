@@ -149,7 +149,7 @@ class XrSession:
             raise DeviceUnavailableError(
                 f"openxr: {self.runtime} refuses: {_text(error)}", "what does its own log say?"
             ) from error
-        except DeviceUnavailableError:
+        except BaseException:
             self.close()
             raise
 
@@ -241,7 +241,7 @@ class XrSession:
             raise DeviceUnavailableError(f"openxr: {self.runtime} is gone: {_text(error)}") from error
 
     def _reported(self, event: Any) -> None:
-        xr, kind = self._xr, self._xr.StructureType(event.type)
+        xr, kind = self._xr, _as(event, ctypes.c_int32).value  # one that has no name here is passed over
         if kind == xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED:
             changed = _as(event, xr.EventDataSessionStateChanged)
             if int(changed.time) > 0:
@@ -327,7 +327,7 @@ class XrSession:
         xr = self._xr
         if self._instance is None:
             return
-        with suppress(xr.XrException, DeviceUnavailableError):
+        with suppress(Exception):
             if self.is_begun:
                 xr.request_exit_session(self._session)
             for _ in range(_FAREWELL_POLLS):

@@ -126,7 +126,9 @@ class OpenXr(ThreadedTracker):
             try:
                 session = XrSession(xr, self._options)
                 self._follow(session, leaving, outcome)
-            except DeviceUnavailableError as error:
+            except Exception as raised:  # a runtime may answer what its library here does not know
+                unexpected = DeviceUnavailableError(f"openxr: unexpected {type(raised).__name__}: {raised}")
+                error = raised if isinstance(raised, DeviceUnavailableError) else unexpected
                 if not self.counts.connections:
                     outcome.put(error)
                     return

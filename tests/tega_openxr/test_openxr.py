@@ -176,6 +176,29 @@ def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, text
         assert f"restarted 1 times; last reason: TEGA's {text}" in tracker.info.notes[-1]
 
 
+@pytest.mark.usefixtures("service")
+def test_what_the_library_does_not_know_ends_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    poll = xr.poll_event
+    newer = xr.EventDataBuffer()
+    newer._type = 999_999
+    answers = [ValueError("77 is no state"), newer]
+
+    def polled(instance: object) -> object:
+        answer = answers.pop() if answers else poll(instance)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    with opened() as tracker:
+        some(tracker)
+        monkeypatch.setattr(xr, "poll_event", polled)
+        until(tracker, lambda _: tracker.counts.connections == 2)
+        some(tracker)
+        assert (
+            "restarted 1 times; last reason: unexpected ValueError: 77 is no state" in tracker.info.notes[-1]
+        )
+
+
 def test_a_headset_that_sleeps_keeps_the_session_from_beginning(service: Emulator) -> None:
     service.say("asleep")
     text = r"no session after 0\.5 s: .*(idle|does not answer|begun)"

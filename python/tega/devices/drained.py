@@ -5,7 +5,6 @@ from __future__ import annotations
 import threading
 from typing import Any, ClassVar
 
-from tega.errors import DeviceUnavailableError
 from tega.runtime.lifecycle import Opened
 from tega.runtime.reopening import Reopening
 
@@ -16,12 +15,10 @@ class Drained(Opened):
     Attributes:
         back_off_s: Shortest and longest pause before a device that went away is tried again.
         leave_s: How long closing waits for the thread.
-        absent: Errors of a device that is not there yet.
     """
 
     back_off_s: ClassVar[tuple[float, float]] = (0.25, 2.0)
     leave_s: ClassVar[float] = 5.0
-    absent: ClassVar[type[Exception]] = DeviceUnavailableError
 
     def __init__(self) -> None:
         self._leaving = threading.Event()
@@ -33,8 +30,18 @@ class Drained(Opened):
         raise NotImplementedError
 
     def _drain(self, link: Any) -> bool:
-        """Take what comes until the device fails or ``_leaving`` is set; return whether anything came."""
+        """Take what comes until the device fails or ``_leaving`` is set; return whether anything came.
+
+        A device whose library raises an error has failed as well, whatever the kind: the thread goes on.
+        """
         raise NotImplementedError
+
+    def _drained(self, link: Any) -> bool:
+        try:
+            return self._drain(link)
+        except Exception as error:  # libraries raise what they like
+            self._refused(error)
+            return False
 
     def _disconnect(self, link: Any) -> None:
         link.close()
@@ -52,10 +59,10 @@ class Drained(Opened):
         Reopening(*self.back_off_s).serve(
             link,
             self._connect,
-            self._drain,
+            self._drained,
             self._disconnect,
             self._leaving.wait,
-            absent=self.absent,
+            absent=Exception,
             refused=self._refused,
         )
 

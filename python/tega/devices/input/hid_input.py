@@ -256,11 +256,13 @@ class HidInput(Drained):
             self._there, self._is_stalled, self._received_ns = True, False, time.monotonic_ns()
         return device
 
-    def _run(self, device: Any) -> None:
-        super()._run(device)
+    def _disconnect(self, device: Any) -> None:
+        """Let go of everything that was held: nobody follows the device from here on, for whatever reason."""
         with self._lock:
+            self.counts.lost += not self._leaving.is_set()
             self._there = False
             self._release(time.monotonic_ns())
+        device.close()
 
     def _drain(self, device: Any) -> bool:
         self._trouble = ""
@@ -268,10 +270,6 @@ class HidInput(Drained):
             try:
                 report = bytes(device.read(_REPORT_BYTES, _POLL_MS))
             except (OSError, ValueError):
-                with self._lock:
-                    self.counts.lost += 1
-                    self._there = False
-                    self._release(time.monotonic_ns())
                 break
             t_ns = time.monotonic_ns()
             with self._lock:

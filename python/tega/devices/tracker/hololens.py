@@ -69,7 +69,6 @@ class HoloLens(ThreadedTracker):
     driver: ClassVar[str] = "hololens"
     summary: ClassVar[str] = "HoloLens 2 with the hl2ss app: a wrist, over TCP"
     options_type: ClassVar[type[Options]] = HoloLensOptions
-    absent: ClassVar[type[Exception]] = OSError
     compared: ClassVar[Mapping[Evidence, str]] = {
         "banner": "packets have the size of spatial input",
         "stamp": "the headset's clock runs with the arrivals; after a leap no pose is used for 0.35 s",
