@@ -174,9 +174,15 @@ class OperatorStation(Station):
 
     def displayed(self, view: LoopView) -> LoopView:
         """Complete a moment with how link and arm are."""
-        state = self._state
-        devices = view.devices | {"hand"}
-        return view._replace(link=self.words, arm="" if state is None else state.arm, devices=devices)
+        arm, view = "" if self._state is None else self._state.arm, view._replace(link=self.words)
+        if self._is_lost:
+            return view._replace(arm=arm and "no word from the robot", angles_rad=None)
+        return view._replace(arm=arm)
+
+    @property
+    def _is_lost(self) -> bool:
+        """Whether the robot's newest state is too old to say how it is."""
+        return time.monotonic_ns() - self._state_ns > self._lost_ns
 
     @property
     def words(self) -> str:
@@ -185,7 +191,9 @@ class OperatorStation(Station):
         if not self._lead.has:
             return f"robot {robot} does not answer"
         text = f"leads {robot}"
-        if state is not None and state.state:
+        if self._is_lost:
+            text += " (no word from it)"
+        elif state is not None and state.state:
             text += f" ({state.state}: {state.reason})" if state.state != "active" else " (active)"
         if (route := self._touch.route).n:
             text += f", touch on the way {route.at(0.5) / 1e6:.1f} ms"

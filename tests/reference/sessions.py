@@ -174,7 +174,7 @@ class Recorded:
         feed.read_rest()
 
     def of(self, kind: type[Kind]) -> list[Kind]:
-        return self._records.get(kind, [])
+        return self._records[kind]
 
     @property
     def contacts(self) -> dict[str, list[Contact]]:
@@ -183,7 +183,8 @@ class Recorded:
 
 @reports_damage
 def read_recorded(path: Path, *kinds: type[Record]) -> Recorded:
-    """Return the records of a recording: those of some types, or else all but pictures and samples."""
+    """Return the records of a recording: those of some types, or else joints and TEGA's own but the large ones."""
     large = {EmgSamples, Picture}
     every = tuple(kind for kind in record_types() if own_schema(kind) and kind not in large)
+    every = (*every, records.Joints)
     return Recorded(RecordFeed(path), kinds or every)

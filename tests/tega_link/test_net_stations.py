@@ -24,6 +24,7 @@ from tega.config.calibration import Calibration, TouchMaxima, load_calibration, 
 from tega.errors import CalibrationError, ConfigError
 from tega.loop import run_session
 from tega.loop.inbox.inputs import Prepared
+from tega.loop.snapshot import LoopView
 from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Picture
@@ -278,7 +279,7 @@ def test_what_waits_for_a_sender_that_stands_still_is_bounded(monkeypatch) -> No
     assert sent[-1] == b"2999"
 
 
-def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words: str) -> None:
+def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words: str) -> list[LoopView]:
     """Lead a robot and disturb it until the operator's display and recording have an alert."""
     robot_file, operator_file = write_stations(folder, port=free_port())
     robot_file.write_text(robot_file.read_text() + robot_more)
@@ -293,11 +294,14 @@ def led(folder: Path, robot_more: str, disturb: Callable[[Program], None], words
     file = folder / "recorded" / str(run.summary["recording"]["file"])
     alerts = [one.value.said for one in McapReader(file).messages() if one.schema == "tega.Alert"]
     assert any(words in one for one in alerts)
+    return [view for view in run.views if view.state == "hold"]
 
 
 @pytest.mark.raises("link")
-def test_a_robot_that_is_gone_is_an_alert(tmp_path: Path) -> None:
-    led(tmp_path, "", lambda robot: robot.process.kill(), "link: no word from robot")
+def test_a_robot_that_is_gone_is_an_alert_and_not_shown_as_led(tmp_path: Path) -> None:
+    view = led(tmp_path, "", lambda robot: robot.process.kill(), "link: no word from robot")[-1]
+    assert view.link.startswith("leads robot (no word from it)")
+    assert view.angles_rad is None
 
 
 @pytest.mark.raises("station")

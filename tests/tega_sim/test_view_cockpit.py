@@ -72,7 +72,10 @@ def test_a_light_tells_a_silent_finger_from_an_absent_one(snapshot: Any) -> None
     thumb = snapshot.loop.contacts["thumb"]
     contacts = dict(snapshot.loop.contacts) | {"thumb": replace(thumb, t_ns=thumb.t_ns - 10**9)}
     del contacts["ring"]
-    lights = lights_html(snapshot._replace(loop=snapshot.loop._replace(contacts=contacts)))
+    lost = frozenset({"vest", "link"})
+    loop = snapshot.loop._replace(contacts=contacts, troubled=lost, link="leads", devices=frozenset({"hand"}))
+    lights = lights_html(snapshot._replace(loop=loop))
+    assert all(f'title="{name}: silent"' in lights for name in (*lost, "hand"))
     assert 'title="thumb: silent"' in lights
     assert 'title="index: well"' in lights
     assert 'title="ring: absent"' in lights

@@ -9,7 +9,7 @@ import re
 import signal
 import time
 from collections.abc import Sequence
-from itertools import cycle
+from itertools import cycle, pairwise
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
@@ -31,7 +31,7 @@ from tega.records.outputs import VestRecord
 from tega.runtime.clock import PausableClock
 from tega.ui.cli.report import echo_summary
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.browser.state_html import status_html
+from tega.ui.view.browser.state_html import lights_html, status_html
 from tega.ui.view.browser.vest import vest_svg
 from tega.ui.view.state import ViewState
 from tega.ui.view.terminal import render
@@ -79,7 +79,7 @@ def check(snapshot: Shown, recorded: Recorded) -> None:
     ended = view.state == "stopped"
     assert int(message[1] or 0) == (0 if ended else command.level)
     joints = newest(recorded.of(Joints), t_ns)
-    if joints is not None and not ended:
+    if joints is not None and view.angles_rad is not None and not ended:
         bends = [sum(joints.angles_rad[4 * k + 1 : 4 * k + 4]) for k in range(4)]
         expected = " ".join(f"{bend:.2f}" for bend in bends)
         source = "reported" if "hand" in view.devices else "modelled"
@@ -142,17 +142,29 @@ def test_armed_active_held_idle_and_stopped_show_what_the_recording_has(tmp_path
     assert end.discs == []
 
 
+@pytest.mark.raises("hand's link")
 def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
-    with bench(tmp_path) as made:
+    with bench(tmp_path, safety={"hold_ms": 500.0}) as made:
         moments: list[Shown] = []
-        made.tree["hand"]["options"]["silent_after_ms"] = 200.0
+        made.tree["hand"]["options"] |= {"silent_after_ms": 200.0, "reconnects": 5}
         lost = pytest.raises(DeviceUnavailableError)
         with made.session(observe=lambda view: moments.append(displayed(view)), ends=lost):
             made.until(lambda: made.state == "active")
             time.sleep(1.0)
             made.hand.say("silence")
+            made.until(
+                lambda: made.state == "idle"
+            )  # when it is back, the hand opens before it follows again
+            made.hand.say("clear")
+            made.until(lambda: made.state == "active")
+            made.hand.say("silence")
             made.until(lambda: made.state == "stopped")
     states = compared(moments, tmp_path)
+    assert all("no angles reported" in one.page["hand"] for one in states["hold"])
+    assert "hand: silent" in states["hold"][-1].view.reason
+    assert '"hand: silent"' in lights_html(ViewState(0, states["hold"][-1].view))
+    joints = read_recorded(next(tmp_path.rglob("*.mcap"))).of(Joints)
+    assert max(b.t_ns - a.t_ns for a, b in pairwise(joints)) > 500_000_000
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")
     assert states["stopped"][-1].view.reason
 

@@ -199,6 +199,7 @@ OPTIONAL: Final[Mapping[str, Any]] = {
     "compared": {},
     "problem": "",
     "guard_problem": "",
+    "unsteered": "",
     "reached": True,
     "spared": 0,
     "in_steps": False,
@@ -219,8 +220,9 @@ which a run shows as an alert; ``marked``, events in a recording, each a :class:
 (:mod:`tega.runtime.evidence`). Any live source: ``compared``, the evidence that its stream carries. A camera:
 ``faults``, the reason why the newest frame was rejected, which a run shows if the finger has no frame. A steered
 hand: ``problem``, its current problem, ``""`` if there is none, which a run also shows; ``guard_problem``, the reason
-why no other process would switch its motors off if this program were killed, which holds a run; ``silent``, whether
-its joint angles are older than its watchdog allows, which disables slip detection; ``target_rad``, the joint angles
+why no other process would switch its motors off if this program were killed, and ``unsteered``, the reason why it does
+not follow commands now, each of which holds a run; ``silent``, whether its joint angles are older than its watchdog
+allows, which disables slip detection; ``target_rad``, the joint angles
 that it steers to, float64 (16,), rad, drawn beside the measured ones. A vest: ``reached``, whether
 frames arrive; ``spared``, number of frames skipped because the vest showed them already; ``in_steps``, whether it
 shows only 16 steps; ``condition``, its own status, one line that a run shows; ``battery_percent``, its battery;

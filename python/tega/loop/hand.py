@@ -114,7 +114,7 @@ def hand_closure(config: SessionConfig) -> ClosureScale:
     return ClosureScale(None if poses is None else load_poses(poses))
 
 
-def fresh_angles_rad(hand: SteeredHand) -> NDArray[np.float64] | None:
+def fresh_angles_rad(hand: SteeredHand | Hand) -> NDArray[np.float64] | None:
     """Return a hand's joint angles, float64 (16,), rad; ``None`` while it is silent or they are not finite."""
     if optional(hand, "silent"):
         return None

@@ -9,7 +9,7 @@ from tega import records
 from tega.devices.base import VestSink, optional
 from tega.hand import split_level
 from tega.haptics import MotorLevels
-from tega.loop.hand import Hand
+from tega.loop.hand import Hand, fresh_angles_rad
 from tega.loop.latency import LatencyTrace
 from tega.loop.reflex import ReflexArc
 from tega.loop.touch import TouchLoop
@@ -82,9 +82,11 @@ class HandOutput:
             )
 
     def publish_joints(self, t_ns: int) -> None:
-        """Publish the joint angles, unless no command stands."""
-        if self.level and self._bus.wants(Joints):
-            self._bus.publish(Joints(t_ns=t_ns, angles_rad=tuple(self._model.angles_rad.tolist())))
+        """Publish the joint angles, unless no command stands or the hand is silent."""
+        if not (self.level and self._bus.wants(Joints)):
+            return
+        if (angles_rad := fresh_angles_rad(self._model)) is not None:
+            self._bus.publish(Joints(t_ns=t_ns, angles_rad=tuple(angles_rad.tolist())))
 
 
 Sent_contra = TypeVar("Sent_contra", contravariant=True)

@@ -87,8 +87,9 @@ def watch_over(
         alerts["arm"] = lambda: steering.problem
     hands = [*sinks.hands, *([] if sinks.steered is None else [sinks.steered])]
     if hands:
-        alerts["hand"] = lambda: _first(hands, "problem")
+        alerts["hand"] = lambda: "" if _first(hands, "unsteered") else _first(hands, "problem")
         needs["hand's guard"] = lambda: _first(hands, "guard_problem")
+        needs["hand's link"] = lambda: _first(hands, "unsteered")
     return Guard(
         config.safety,
         streams=streams,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from tega.devices.base import optional
 from tega.haptics import FINGERS, MotorLevels
 from tega.loop.arm_records import ArmView
-from tega.loop.hand import Hand
+from tega.loop.hand import Hand, fresh_angles_rad
 from tega.loop.inbox.inputs import Inputs, SeatSeen
 from tega.loop.latency import LatencyTrace
 from tega.loop.pacing import LoopReport
@@ -29,7 +29,8 @@ class LoopView(NamedTuple):
         vest: The newest frame that the vest confirmed as sent; the computed frame where no vest is connected; ``None``
             before the first.
         intent: The newest intent; ``None`` before the first.
-        angles_rad: The hand's 16 joint angles as reported, modelled where no hand is connected; ``None`` without EMG.
+        angles_rad: The hand's 16 joint angles as reported, modelled where no hand is connected; ``None`` without EMG,
+            and while the hand is silent.
         counts: Counts since the start: frames of one finger (mean), EMG blocks, hand ticks, vest frames.
         inputs: State of the operator's input devices, by seat.
         state: State of the run, with its reason; ``""`` without a guard.
@@ -46,6 +47,7 @@ class LoopView(NamedTuple):
         command: Closure level of the newest command to the hand, including the reflex, 1 to 5; 0 if there is none.
         devices: Connected devices, out of ``emg``, ``hand`` and ``vest``; without files and models.
         fingers: Fingers to display, with or without a sensor.
+        troubled: Names of the current problems, such as ``vest`` and ``link``.
     """
 
     t_ns: int
@@ -70,6 +72,7 @@ class LoopView(NamedTuple):
     command: float = 0.0
     devices: frozenset[str] = frozenset()
     fingers: Sequence[str] = FINGERS
+    troubled: frozenset[str] = frozenset()
 
     @property
     def t_s(self) -> float:
@@ -148,13 +151,14 @@ class Moments:
     ) -> None:
         """Publish the view at a tick."""
         guard, trace = self._guard, self._trace
+        angles_rad = None if self._hand is None else fresh_angles_rad(self._hand)
         target_rad = optional(self._hand, "target_rad")
         view = LoopView(
             t_ns,
             newest,
             vest,
             intent,
-            None if self._hand is None else self._hand.angles_rad.tolist(),
+            None if angles_rad is None else angles_rad.tolist(),
             {
                 "touch": sum(report.n_contacts.values()) // max(len(report.n_contacts), 1),
                 "levels": report.n_blocks,
@@ -173,6 +177,7 @@ class Moments:
                 state=guard.state,
                 reason=guard.reason,
                 alerts=tuple(guard.alerts.values()),
+                troubled=frozenset(guard.alerts),
                 latency="" if trace is None else trace.line,
             )
         for complete in self._complete:

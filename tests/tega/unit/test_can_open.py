@@ -16,7 +16,7 @@ import can
 import pytest
 
 from reference.hand import stuck_hand
-from tega.devices.hand import hand_loop
+from tega.devices.hand import hand_loop, hand_reports
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
 from tega.devices.hand.can_open import open_can_bus, slcan_bus
@@ -96,7 +96,8 @@ def test_torques_that_the_adapter_does_not_take_are_named_and_answer_nothing(mon
         now = SimpleNamespace(monotonic_ns=lambda t_ns=t_ns: t_ns, thread_time=float)
         monkeypatch.setattr(hand_loop, "time", now)
         loop._exchange(stuck_hand(t_ns // 3_000_000), Standstill(1.0))
-    looks = [alert._check(news) for _, news in reported if news.state.phase == "running"]
+    monkeypatch.setattr(hand_reports, "_POLL_S", 0.0)
+    looks = [alert.unsteered(news) for _, news in reported if news.state.phase == "running"]
     assert looks[-1] == "hand: its adapter does not take frames, so it keeps its last torques"
     answers = [one.left_ns for spoken, _ in reported for one in spoken if len(one.out) == 4]
     assert set(answers) == {0}
@@ -107,6 +108,7 @@ def test_a_hand_whose_process_reports_nothing_is_told() -> None:
     hand._end = Mock()
     hand._take([], HandNews(Mock(phase="silent")))
     assert hand.problem.startswith("hand: silent")
+    assert hand.unsteered == hand.problem
     hand._received_s -= 2.0
     assert hand.problem == "hand: its process reports nothing"
 

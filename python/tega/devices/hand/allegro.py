@@ -111,9 +111,14 @@ class Allegro(Opened):
     @property
     def problem(self) -> str:
         """Trouble of the hand now, while it can still be steered or may come back; ``""`` for none."""
+        return self.unsteered or self._alert(self._seen)
+
+    @property
+    def unsteered(self) -> str:
+        """Why the hand does not follow commands now; ``""`` if it does."""
         if self._end is not None and time.monotonic() - self._received_s > STUCK_S:
             return "hand: its process reports nothing"
-        return self._alert(self._seen)
+        return self._alert.unsteered(self._seen)
 
     def warm_up(self) -> None:
         """Start the hand's process, which makes ready meanwhile; the hand is not touched before :meth:`open`."""

@@ -125,6 +125,8 @@ _OF_ADAPTER = {
     "garbled": "its adapter sends noise",
     "unsent": "its adapter does not take frames, so it keeps its last torques",
 }
+_SILENT = "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
+_UNSENT = f"hand: {_OF_ADAPTER['unsent']}"
 # A set of torques is one frame to each finger.
 _FRAMES_A_SET = 4
 
@@ -149,15 +151,20 @@ class HandAlert:
             self._text = ""
         return self._text
 
+    def unsteered(self, seen: HandNews | None) -> str:
+        """Return why the hand does not follow commands now, ``""`` if it does."""
+        if seen is not None and seen.state.phase in {"silent", "listening", "identifying", "checking"}:
+            return _SILENT
+        return _UNSENT if self(seen) == _UNSENT else ""
+
     def _check(self, seen: HandNews) -> str:
         state = seen.state
-        if state.phase in {"silent", "listening", "identifying", "checking"}:
-            return "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
         counts = {name: getattr(state.counts, name) for name in _WORDS}
         counts |= {"garbled": seen.n_garbled, "unsent": seen.n_unsent // _FRAMES_A_SET}
         before, self._counts = self._counts, counts
         more = {name: n - before.get(name, n) for name, n in counts.items()}
-        name = max(more, key=lambda name: more[name])
+        # Frames that do not reach the hand weigh more than any that come from it.
+        name = "unsent" if more["unsent"] >= _MANY else max(more, key=lambda name: more[name])
         if more[name] < _MANY:
             return ""
         return f"hand: {(_WORDS | _OF_ADAPTER)[name]}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Final
 
@@ -143,12 +142,12 @@ def _muscles(view: LoopView) -> str:
 
 def _hand(view: LoopView) -> str:
     command = level_words(view.command) if view.command else "zero torque"
-    if view.angles_rad is None:
+    if view.angles_rad is None and "hand" not in view.devices:
         return "no hand connected" if not view.command else f"command {command}"
+    if view.angles_rad is None:
+        return f"command {command}; no angles reported"
     bends = [sum(view.angles_rad[4 * finger + 1 : 4 * finger + 4]) for finger in range(4)]
     source = "reported" if "hand" in view.devices else "modelled"
-    if not all(map(math.isfinite, bends)):
-        return f"command {command}; no angles {source}"
     return f"command {command}; {source} bend {' '.join(f'{bend:.2f}' for bend in bends)} rad"
 
 

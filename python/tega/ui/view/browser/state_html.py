@@ -162,12 +162,14 @@ def lights_html(state: ViewState) -> str:
         contact = loop.contacts.get(finger)
         seen[finger] = None if contact is None else state.t_ns - contact.t_ns <= STALE_NS
     seen["muscles"] = None if loop.intent is None else state.t_ns - loop.intent.t_ns <= SILENT_NS
-    seen["vest"] = None if loop.vest is None else True
+    seen["vest"] = None if loop.vest is None else "vest" not in loop.troubled
     seen["hand"] = None if loop.angles_rad is None and state.poses is None else True
+    if "hand" in loop.devices:
+        seen["hand"] = loop.angles_rad is not None and "hand's link" not in loop.troubled
     if loop.arm or loop.seen_arm is not None:
         seen["arm"] = loop.seen_arm is not None and loop.seen_arm.state != "stopped"
     if loop.link:
-        seen["link"] = True
+        seen["link"] = "link" not in loop.troubled
     if ended:
         seen = dict.fromkeys(seen)
     words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
