@@ -161,11 +161,15 @@ def test_a_vest_drawn_in_the_terminal_takes_the_live_views_place_unless_a_hand_m
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is always full")
-def test_a_full_disk_and_a_place_that_is_not_ones_own_say_what_to_do(capsys) -> None:
+def test_a_full_disk_and_a_place_that_is_not_ones_own_say_what_to_do(capsys, session) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run([sys.executable, "-m", "tega.ui.cli", "--version"], stdout=full, stderr=-1)  # noqa: PLW1510
     assert b"hint: make room" in done.stderr
     assert "hint: your user may not" in call(capsys, "demo", "--out", "/sys/demo", code=1)[1]
+    closed = (
+        'exec "$0" -m tega.ui.cli run "$1" --set session.duration_s=0.1 <&-'  # and closed input is no fault
+    )
+    subprocess.run(["sh", "-c", closed, sys.executable, session], check=True)
 
 
 @pytest.mark.parametrize("verb", ["play", "verify"])

@@ -169,8 +169,6 @@ def _act_as_typed(act: Callable[[str], object]) -> None:
 
 def _may_read() -> bool:
     """Whether reading the standard input is allowed: the system stops a background program that reads its terminal."""
-    if sys.stdin is None or sys.stdin.closed:
-        return False
     if sys.platform == "win32" or not sys.stdin.isatty():
         return True
     return os.getpgrp() == os.tcgetpgrp(sys.stdin.fileno())
