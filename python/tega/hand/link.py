@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from tega import _native
 from tega.hand.motion import HandController
-from tega.wire import CanFrame
+from tega.wire import AllegroInfo, CanFrame
 
 
 class Received(NamedTuple):
@@ -100,6 +100,7 @@ class HandState(NamedTuple):
         servo_on: Servo state according to the hand; some firmware is reported to ignore SERVO ON and OFF.
         joints_c: Joint temperatures, °C; ``None`` where a sensor does not answer.
         heat_share: Share of the torque limits that the temperature leaves.
+        must_stop: Whether the hand reports a temperature fault, for which it is not steered.
     """
 
     phase: str
@@ -111,6 +112,7 @@ class HandState(NamedTuple):
     joints_c: list[int | None]
     heat_share: float
     counts: HandCounts
+    must_stop: bool = False
 
 
 class HandLink:
@@ -209,4 +211,5 @@ class HandLink:
             joints_c=link.joints_c,
             heat_share=link.heat_share(t_ns),
             counts=HandCounts(**link.counts),
+            must_stop=AllegroInfo((0, 0), (0, 0), "unknown", 0, status).must_stop,
         )

@@ -127,6 +127,8 @@ _OF_ADAPTER = {
 }
 _SILENT = "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
 _UNSENT = f"hand: {_OF_ADAPTER['unsent']}"
+# Above this the hand's link reduces the torque.
+_WARM_C = 60
 # A set of torques is one frame to each finger.
 _FRAMES_A_SET = 4
 
@@ -165,6 +167,14 @@ class HandAlert:
         more = {name: n - before.get(name, n) for name, n in counts.items()}
         # Frames that do not reach the hand weigh more than any that come from it.
         name = "unsent" if more["unsent"] >= _MANY else max(more, key=lambda name: more[name])
-        if more[name] < _MANY:
-            return ""
-        return f"hand: {(_WORDS | _OF_ADAPTER)[name]}"
+        if more[name] >= _MANY:
+            return f"hand: {(_WORDS | _OF_ADAPTER)[name]}"
+        if state.heat_share < 1:
+            warmest_c = max((c for c in state.joints_c if c is not None), default=0)
+            why = (
+                f"a joint is at {warmest_c} °C"
+                if warmest_c > _WARM_C
+                else "it warns, or reports no temperature"
+            )
+            return f"hand: its torque is limited to {100 * state.heat_share:.0f} %: {why}"
+        return ""

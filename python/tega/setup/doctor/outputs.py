@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from tega.devices.hand.allegro import Allegro
 
 
-_POLL_S = 1.2
-"""Temperatures come twice a second."""
-_WARM_C = 60
+# Temperatures come twice a second.
+_POLLS, _POLL_S = 10, 0.12
+_TOO_HOT_C = 80
 
 
 def try_hand(case: DriverCase) -> list[Finding]:
@@ -39,8 +39,8 @@ def try_hand(case: DriverCase) -> list[Finding]:
         return [case.reported(label, "error", f"the hand cannot be reached: {why}", todo=(step,))]
     try:
         with hand:
-            measured = _check(hand) if isinstance(hand, ReportingHand) else {}
-            info, joints_c = hand.info, hand.state().joints_c if measured else []
+            measured, problem = _check(hand) if isinstance(hand, ReportingHand) else ({}, "")
+            info, state = hand.info, hand.state() if measured else None
     except TegaError as error:
         return [failed(case, error, device=label)]
     text = (
@@ -49,20 +49,27 @@ def try_hand(case: DriverCase) -> list[Finding]:
     if not measured:
         text = f"the bus {label} opens; this driver only sends, so no device on it was detected"
     findings = [case.reported(label, "ok", text, why="; ".join(info.notes), measured=measured)]
-    known = [c for c in joints_c if c is not None]
-    if joints_c and len(known) < len(joints_c):
-        text = f"{len(joints_c) - len(known)} of {len(joints_c)} joints report no temperature"
+    if state is None:
+        return findings
+    if n_unknown := state.joints_c.count(None):
+        text = f"{n_unknown} of {len(state.joints_c)} joints report no temperature"
         findings.append(case.reported(label, "warning", text))
-    if known and max(known) > _WARM_C:
-        text = f"a joint is at {max(known)} °C; its torque is reduced above {_WARM_C}, at 80 it is let go"
-        findings.append(case.reported(label, "warning", text, todo=("let it cool down",)))
+    if problem:
+        findings.append(case.reported(label, "warning", problem.removeprefix("hand: ")))
+    too_hot = measured.get("warmest_joint_c", 0) >= _TOO_HOT_C
+    if too_hot or state.must_stop:
+        text = f"a joint is at {_TOO_HOT_C} °C or more" if too_hot else "the hand reports a temperature fault"
+        todo = "let it cool with its power on; then switch it off and on"
+        findings.append(case.reported(label, "error", f"{text}: a run lets go of it at once", todo=(todo,)))
     return findings
 
 
-def _check(hand: Any) -> dict[str, float]:
-    """Count a hand's reports for a moment."""
-    started_s, before = time.monotonic(), hand.state().counts
-    time.sleep(_POLL_S)
+def _check(hand: Any) -> tuple[dict[str, float], str]:
+    """Count a hand's reports for a moment; return the counts, and the trouble that a run would show."""
+    started_s, before, problem = time.monotonic(), hand.state().counts, ""
+    for _ in range(_POLLS):
+        time.sleep(_POLL_S)
+        problem = optional(hand, "problem") or problem
     # What went wrong meanwhile is raised here.
     hand.step(1)
     state = hand.state()
@@ -73,7 +80,7 @@ def _check(hand: Any) -> dict[str, float]:
         "incomplete_count": float(state.counts.incomplete - before.incomplete),
         "late_count": float(state.counts.late - before.late),
     }
-    return measured | ({"warmest_joint_c": float(max(known))} if known else {})
+    return measured | ({"warmest_joint_c": float(max(known))} if known else {}), problem
 
 
 def _bus(case: DriverCase) -> tuple[str, str]:
