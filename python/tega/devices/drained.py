@@ -30,18 +30,8 @@ class Drained(Opened):
         raise NotImplementedError
 
     def _drain(self, link: Any) -> bool:
-        """Take what comes until the device fails or ``_leaving`` is set; return whether anything came.
-
-        A device whose library raises an error has failed as well, whatever the kind: the thread goes on.
-        """
+        """Take what comes until the device fails or ``_leaving`` is set; return whether anything came."""
         raise NotImplementedError
-
-    def _drained(self, link: Any) -> bool:
-        try:
-            return self._drain(link)
-        except Exception as error:  # libraries raise what they like
-            self._refused(error)
-            return False
 
     def _disconnect(self, link: Any) -> None:
         link.close()
@@ -57,13 +47,7 @@ class Drained(Opened):
 
     def _run(self, link: Any) -> None:
         Reopening(*self.back_off_s).serve(
-            link,
-            self._connect,
-            self._drained,
-            self._disconnect,
-            self._leaving.wait,
-            absent=Exception,
-            refused=self._refused,
+            link, self._connect, self._drain, self._disconnect, self._leaving.wait, refused=self._refused
         )
 
     def close(self) -> None:

@@ -75,22 +75,24 @@ class Reopening:
         close: Callable[[_Link], object],
         over: Over,
         *,
-        absent: type[Exception] | tuple[type[Exception], ...],
         refused: Callable[[Exception], object] = lambda _error: None,
     ) -> None:
         """Use a device until it is no longer wanted, and whenever it goes away, open it as :meth:`open` does.
 
-        ``use`` lasts until the device goes away or is no longer wanted, and returns whether it gave anything.
+        ``use`` lasts until the device goes away or is no longer wanted, and returns whether it gave anything. A
+        device whose library raises an error has gone away, too, of whatever kind it is: the thread goes on.
         """
         while not over(0.0):
             if (
                 link is None
-                and (link := self.open(open_device, over, absent=absent, refused=refused)) is None
+                and (link := self.open(open_device, over, absent=Exception, refused=refused)) is None
             ):
                 return
             try:
                 if use(link):
                     self.works()
+            except Exception as error:  # libraries raise what they like
+                refused(error)
             finally:
                 close(link)
             link = None

@@ -146,7 +146,7 @@ def line() -> Iterator[tuple[int, Any]]:
     tty = pytest.importorskip("tty")  # python-can's own reading is used elsewhere
     ours, theirs = os.openpty()
     tty.setraw(theirs)
-    bus = slcan_bus()(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
+    bus = slcan_bus(exclusive=True)(os.ttyname(theirs), bitrate=1_000_000, sleep_after_open=0.0)
     try:
         yield ours, bus
     finally:
@@ -154,6 +154,16 @@ def line() -> Iterator[tuple[int, Any]]:
             bus.shutdown()
         for end in (ours, theirs):
             os.close(end)
+
+
+def test_an_adapter_in_use_opens_for_no_program_but_the_guard(line: tuple[int, Any]) -> None:
+    channel = line[1].serialPortOrig.port
+    port = {"interface": "slcan", "channel": channel, "bitrate": 1_000_000, "sleep_after_open": 0.0}
+    with pytest.raises(DeviceUnavailableError, match="did not open: another program uses it"):
+        HandBus(port).open()
+    guard = HandBus(port, exclusive=False)
+    guard.open()
+    guard.drop()
 
 
 def test_frames_that_come_together_are_read_together(

@@ -252,23 +252,20 @@ def test_a_device_is_used_let_go_of_and_opened_again_until_it_is_not_wanted() ->
         done.append(f"use {link}")
         return link == "first"
 
-    Reopening(0.25, 2.0).serve(
-        "first", opened, use, lambda link: done.append(f"close {link}"), rests, absent=OSError
-    )
+    Reopening(0.25, 2.0).serve("first", opened, use, lambda link: done.append(f"close {link}"), rests)
     assert done[:4] == ["use first", "close first", "use link", "close link"]
     assert done[-1] == "close link"
     assert rests.s[:2] == [0.25, 0.5]
 
 
-def test_a_device_is_let_go_of_whatever_its_use_ends_with() -> None:
-    closed: list[str] = []
-
-    def use(link: str) -> bool:
-        raise ZeroDivisionError(link)
-
-    with pytest.raises(ZeroDivisionError):
-        Reopening(0.1, 1.0).serve("it", lambda: "it", use, closed.append, Rests(), absent=OSError)
-    assert closed == ["it"]
+def test_a_device_is_let_go_of_and_opened_again_whatever_its_use_ends_with() -> None:
+    closed, reported, use = (
+        list[str](),
+        list[Exception](),
+        Mock(side_effect=[1 / 3, error := KeyError("x"), 1]),
+    )
+    Reopening(0.1, 1.0).serve("it", lambda: "it", use, closed.append, Rests(2), refused=reported.append)
+    assert (closed, reported) == (["it"] * 3, [error])
 
 
 def test_who_only_polls_is_asked_while_the_rest_lasts() -> None:

@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
@@ -103,6 +103,8 @@ def _explained(error: Exception, interface: str, can: Any) -> tuple[str, str]:
     missing = isinstance(error, _NO_MODULE) or (isinstance(error, OSError) and "library" in words.casefold())
     if interface == "socketcan":
         missing = isinstance(error, OSError) and "family not supported" in words
+    if "exclusively lock" in words:
+        return "another program uses it", "end that program first, such as a run or tega-teleop hand"
     return (f"{needs} missing", install) if missing else (words, channel)
 
 
@@ -127,8 +129,11 @@ _DONE = frozenset({b"\r", b"z\r", b"Z\r"})  # what it says to every frame that i
 
 
 @cache
-def slcan_bus() -> Any:
-    """Return a subclass of python-can's slcan bus, or that bus itself where a port cannot be waited for."""
+def slcan_bus(*, exclusive: bool) -> Any:
+    """Return a subclass of python-can's slcan bus, or that bus itself where a port cannot be waited for.
+
+    ``exclusive``: it is refused while another program has it so; the system gives it back when a program ends.
+    """
     base: Any = require("can.interfaces.slcan", driver="slcan", extra="lab").slcanBus
     error_check: Any = require("can.exceptions", driver="slcan", extra="lab").error_check
     if os.name != "posix":
@@ -136,6 +141,11 @@ def slcan_bus() -> Any:
 
     class SlcanBus(base):  # type: ignore[misc]  # python-can is imported when it is needed
         _kept: list[str] | None = None
+
+        def set_bitrate(self, *rates_bit_s: Any) -> None:
+            """Lock the port before the first word, which closes the adapter under whoever has it."""
+            self.serialPortOrig.exclusive = exclusive or None
+            super().set_bitrate(*rates_bit_s)
 
         def send_together(self, messages: Iterable[Any], timeout: float) -> None:
             """Send messages in one piece, so that neither end is woken for each; raises what ``send`` does."""
@@ -179,10 +189,9 @@ def slcan_bus() -> Any:
             data = string.encode() + self.LINE_TERMINATOR
             port = self.serialPortOrig
             with error_check("Could not write to serial device"):
-                try:
+                n_taken = 0
+                with suppress(BlockingIOError):
                     n_taken = os.write(port.fileno(), data)
-                except BlockingIOError:
-                    n_taken = 0
                 if n_taken < len(data):
                     port.write(data[n_taken:])
 

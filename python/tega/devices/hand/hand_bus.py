@@ -63,13 +63,16 @@ def off_frames(device_id: int) -> list[CanFrame]:
 class HandBus:
     """A bus on any adapter that python-can knows, of the arguments of ``can.Bus``; one thread at a time uses it.
 
-    ``driver`` is named in messages. ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while
+    ``driver`` is named in messages. Without ``exclusive`` a serial adapter opens although another program has it.
+    ``trouble`` is why the adapter went away, to be put behind a message; ``""`` while
     it is there. ``n_garbled`` counts pieces of the adapter's stream that were no frame, ``n_unsent`` frames the adapter
     did not take, and ``unsent`` is why it did not take the last of them.
     """
 
-    def __init__(self, settings: Mapping[str, Any], driver: str = "allegro") -> None:
-        self.settings, self._driver = dict(settings), driver
+    def __init__(
+        self, settings: Mapping[str, Any], driver: str = "allegro", *, exclusive: bool = True
+    ) -> None:
+        self.settings, self._driver, self._exclusive = dict(settings), driver, exclusive
         self.trouble = self.unsent = ""
         self.n_garbled = self.n_unsent = 0
         self._can: Any = None
@@ -231,7 +234,11 @@ class HandBus:
         interface, channel = settings.pop("interface"), settings.pop("channel")
 
         def make() -> Any:
-            bus = slcan_bus() if interface == "slcan" else partial(self._can.Bus, interface=interface)
+            bus = (
+                slcan_bus(exclusive=self._exclusive)
+                if interface == "slcan"
+                else partial(self._can.Bus, interface=interface)
+            )
             return bus(channel=channel, **settings)
 
         return open_can_bus(self._driver, interface, make, can=self._can, channel=channel)

@@ -71,7 +71,7 @@ class _Hand:
     """The hand, from here."""
 
     def __init__(self, bus: dict[str, Any], frames: list[list[Any]], device_id: int) -> None:
-        self._bus = HandBus(bus)
+        self._bus = HandBus(bus, exclusive=False)
         self.label = f"robot hand on {bus_label(bus['interface'], bus['channel'])}"
         self._frames = [CanFrame(can_id, bytes.fromhex(data)) for can_id, data in frames]
         self._device_id = device_id

@@ -120,13 +120,11 @@ _WORDS = {
     "unknown": "unknown messages are on its bus",
     "copies": "frames come twice",
     "late": "its positions come late",
-}
-_OF_ADAPTER = {
     "garbled": "its adapter sends noise",
     "unsent": "its adapter does not take frames, so it keeps its last torques",
 }
 _SILENT = "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
-_UNSENT = f"hand: {_OF_ADAPTER['unsent']}"
+_UNSENT = f"hand: {_WORDS['unsent']}"
 # Above this the hand's link reduces the torque.
 _WARM_C = 60
 # A set of torques is one frame to each finger.
@@ -161,14 +159,14 @@ class HandAlert:
 
     def _check(self, seen: HandNews) -> str:
         state = seen.state
-        counts = {name: getattr(state.counts, name) for name in _WORDS}
+        counts = {name: getattr(state.counts, name, 0) for name in _WORDS}
         counts |= {"garbled": seen.n_garbled, "unsent": seen.n_unsent // _FRAMES_A_SET}
         before, self._counts = self._counts, counts
         more = {name: n - before.get(name, n) for name, n in counts.items()}
         # Frames that do not reach the hand weigh more than any that come from it.
         name = "unsent" if more["unsent"] >= _MANY else max(more, key=lambda name: more[name])
         if more[name] >= _MANY:
-            return f"hand: {(_WORDS | _OF_ADAPTER)[name]}"
+            return f"hand: {_WORDS[name]}"
         if state.heat_share < 1:
             warmest_c = max((c for c in state.joints_c if c is not None), default=0)
             why = (
