@@ -114,13 +114,13 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "nobody looks whether the vest is there",
-        "hazards/test_lost::a_lost_vest_is_told_and_the_run_goes_on",
+        "hazards/test_lost::a_lost_vest_is_told_and_the_run_goes_on_or_holds",
         "if worn else {}",
         "if False else {}",
     ),
     Guard(
         "a lost vest never holds",
-        "hazards/test_lost::a_lost_vest_holds_the_hand_where_the_settings_say_so",
+        "hazards/test_lost::a_lost_vest_is_told_and_the_run_goes_on_or_holds",
         'if s.vest_lost == "hold":',
     ),
     Guard(
@@ -161,7 +161,7 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "it does not see a standstill",
-        "tega/unit/test_hand_guard::a_frozen_program_and_hand_process_do_not_leave_the_hand_pushing",
+        "tega/unit/test_hand_guard::a_frozen_program_that_goes_on_steers_again_and_one_frozen_with_its_hand_process_lets_go",
         "STUCK_S: Final = 1.0",
         "STUCK_S: Final = 1e6",
     ),
@@ -184,12 +184,12 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a hand is steered on after the computer slept",
-        "tega/unit/test_hand_standstill::a_computer_that_slept_ends_the_hand",
+        "tega/unit/test_hand_standstill::a_computer_that_slept_ends_the_hand_and_no_torque_of_before_is_sent",
         "                if standstill.pulse():",
     ),
     Guard(
         "a torque that was computed before a standstill is sent after it",
-        "tega/unit/test_hand_standstill::a_torque_that_was_computed_before_a_standstill_is_not_sent",
+        "tega/unit/test_hand_standstill::a_computer_that_slept_ends_the_hand_and_no_torque_of_before_is_sent",
         "standstill.is_over if pushes else ",
     ),
     Guard(

@@ -192,28 +192,22 @@ def test_the_loss_of_the_hand_s_guard_holds_until_there_is_another(tmp_path: Pat
 
 
 @pytest.mark.raises("vest")
-def test_a_lost_vest_is_told_and_the_run_goes_on(tmp_path: Path) -> None:
-    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",)) as made:
+@pytest.mark.parametrize("then", ["go-on", "hold"])
+def test_a_lost_vest_is_told_and_the_run_goes_on_or_holds(tmp_path: Path, then: str) -> None:
+    safety = {"vest_lost": then, "hold_ms": 60_000.0}
+    with lab(tmp_path, emg=True, hand=True, vest=True, fingers=("thumb",), safety=safety) as made:
         with made.session():
             made.until(lambda: made.state == "active" and column(made, 0))
             made.vest.say("refuse")
             made.until(lambda: "vest: not reached" in made.said())
             made.until(lambda: closed(made))
-            assert made.state == "active"
+            made.until(lambda: made.state == {"hold": "hold", "go-on": "active"}[then])
+            assert ("vest: not reached" in made.changes[-1].reason) == (then == "hold")
             made.vest.say("clear")
             made.until(lambda: column(made, 0))
             made.until(lambda: "vest" not in made.said())
+        assert ("hold" in states(made)) == (then == "hold")
         assert made.limp()
-        made.until(made.at_rest)
-
-
-def test_a_lost_vest_holds_the_hand_where_the_settings_say_so(tmp_path: Path) -> None:
-    with lab(tmp_path, vest=True, fingers=("thumb",), safety={"vest_lost": "hold"}) as made:
-        with made.session():
-            made.until(lambda: made.state == "active")
-            made.vest.say("refuse")
-            made.until(lambda: made.state == "hold")
-            assert "vest: not reached" in made.changes[-1].reason
         made.until(made.at_rest)
 
 

@@ -78,12 +78,6 @@ def test_emg_lost_holds_within_260_ms_of_its_last_block_and_opens_2_s_later() ->
     assert 2000 <= run.until(lambda: run.guard.state == "idle") <= 2010 + TICK_MS
 
 
-def test_emg_without_a_vote_holds_at_the_next_look() -> None:
-    run = _Run()
-    run.unvoted = 3.0
-    assert run.held() <= 10 + TICK_MS
-
-
 def test_a_lost_picture_holds_within_120_ms_where_the_settings_say_so() -> None:
     run = _Run(tactile_lost="hold")
     run.silent_from_ms["thumb"] = run.t_ms
@@ -94,8 +88,10 @@ def test_a_lost_picture_holds_within_120_ms_where_the_settings_say_so() -> None:
     assert reported.guard.state == "active"
 
 
-def test_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
-    released, late, link = _Run(), _Run(), _Run()
+def test_emg_without_a_vote_a_dead_man_a_late_loop_and_a_lost_link_hold_at_the_next_look() -> None:
+    unvoted, released, late, link = _Run(), _Run(), _Run(), _Run()
+    unvoted.unvoted = 3.0
+    assert unvoted.held() <= 10 + TICK_MS
     released.released = "dead-man: released"
     link.link = "link: no command"
     late.late_ns = 101 * MS

@@ -185,6 +185,5 @@ class Recorded:
 def read_recorded(path: Path, *kinds: type[Record]) -> Recorded:
     """Return the records of a recording: those of some types, or else joints and TEGA's own but the large ones."""
     large = {EmgSamples, Picture}
-    every = tuple(kind for kind in record_types() if own_schema(kind) and kind not in large)
-    every = (*every, records.Joints)
-    return Recorded(RecordFeed(path), kinds or every)
+    every = (k for k in record_types() if k not in large and (own_schema(k) or k is records.Joints))
+    return Recorded(RecordFeed(path), kinds or tuple(every))

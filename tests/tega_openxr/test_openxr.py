@@ -161,42 +161,27 @@ def test_states_of_the_session_are_told_in_words(service: Emulator, source: str)
 @pytest.mark.parametrize(
     ("event", "text"),
     [
-        ("state exiting", "emulated runtime 1.0.0 has ended the session"),
-        ("state loss-pending", "emulated runtime 1.0.0 is gone"),
-        ("instance-loss", "emulated runtime 1.0.0 says that it ends"),
+        ("state exiting", "TEGA's emulated runtime 1.0.0 has ended the session"),
+        ("state loss-pending", "TEGA's emulated runtime 1.0.0 is gone"),
+        ("instance-loss", "TEGA's emulated runtime 1.0.0 says that it ends"),
+        ("", "unexpected ValueError: 77 is not a valid SessionState"),
     ],
 )
-def test_a_session_that_is_over_is_made_anew(service: Emulator, event: str, text: str) -> None:
+def test_a_session_that_is_over_is_made_anew(
+    service: Emulator, event: str, text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    newer, odd, poll = xr.EventDataBuffer(), xr.EventDataSessionStateChanged(), xr.poll_event
+    newer._type, odd._state = 999_999, 77  # an event and a state that this library does not know
+    unknown = [] if event else [odd, newer]
     with opened() as tracker:
         some(tracker)
-        service.say(event)
+        monkeypatch.setattr(xr, "poll_event", lambda instance: unknown.pop() if unknown else poll(instance))
+        if event:
+            service.say(event)
         until(tracker, lambda _: tracker.counts.connections == 2)
         some(tracker)
         until(tracker, lambda _: tracker.problem == "")
-        assert f"restarted 1 times; last reason: TEGA's {text}" in tracker.info.notes[-1]
-
-
-@pytest.mark.usefixtures("service")
-def test_what_the_library_does_not_know_ends_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
-    poll = xr.poll_event
-    newer = xr.EventDataBuffer()
-    newer._type = 999_999
-    answers = [ValueError("77 is no state"), newer]
-
-    def polled(instance: object) -> object:
-        answer = answers.pop() if answers else poll(instance)
-        if isinstance(answer, Exception):
-            raise answer
-        return answer
-
-    with opened() as tracker:
-        some(tracker)
-        monkeypatch.setattr(xr, "poll_event", polled)
-        until(tracker, lambda _: tracker.counts.connections == 2)
-        some(tracker)
-        assert (
-            "restarted 1 times; last reason: unexpected ValueError: 77 is no state" in tracker.info.notes[-1]
-        )
+        assert f"restarted 1 times; last reason: {text}" in tracker.info.notes[-1]
 
 
 def test_a_headset_that_sleeps_keeps_the_session_from_beginning(service: Emulator) -> None:

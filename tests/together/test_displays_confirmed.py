@@ -31,7 +31,7 @@ from tega.records.outputs import VestRecord
 from tega.runtime.clock import PausableClock
 from tega.ui.cli.report import echo_summary
 from tega.ui.view.browser import BrowserView, Controls
-from tega.ui.view.browser.state_html import lights_html, status_html
+from tega.ui.view.browser.state_html import status_html
 from tega.ui.view.browser.vest import vest_svg
 from tega.ui.view.state import ViewState
 from tega.ui.view.terminal import render
@@ -152,9 +152,7 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
             made.until(lambda: made.state == "active")
             time.sleep(1.0)
             made.hand.say("silence")
-            made.until(
-                lambda: made.state == "idle"
-            )  # when it is back, the hand opens before it follows again
+            made.until(lambda: made.state == "idle")  # so that it opens once it is back
             made.hand.say("clear")
             made.until(lambda: made.state == "active")
             made.hand.say("silence")
@@ -162,7 +160,6 @@ def test_a_lost_hand_is_not_shown_as_steered(tmp_path: Path) -> None:
     states = compared(moments, tmp_path)
     assert all("no angles reported" in one.page["hand"] for one in states["hold"])
     assert "hand: silent" in states["hold"][-1].view.reason
-    assert '"hand: silent"' in lights_html(ViewState(0, states["hold"][-1].view))
     joints = read_recorded(next(tmp_path.rglob("*.mcap"))).of(Joints)
     assert max(b.t_ns - a.t_ns for a, b in pairwise(joints)) > 500_000_000
     assert states["stopped"][-1].page["hand"].startswith("command zero torque")

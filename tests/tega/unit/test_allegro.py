@@ -183,16 +183,6 @@ def test_a_nuisance_is_survived(fault: str) -> None:
         assert any(hand.say("look")["duties"])
 
 
-def test_a_hand_that_falls_silent_says_so_until_it_reports_again() -> None:
-    with Emulator("allegro_port") as hand, driver(hand, silent_after_ms=300.0) as steered:
-        until(lambda: not steered.silent)
-        hand.say("power-cycle")
-        until(lambda: steered.silent)
-        assert np.isfinite(steered.angles_rad).all(), "the last ones stand"
-        until(lambda: not steered.silent)
-    assert steered.silent
-
-
 @pytest.mark.parametrize("end", ["", "raise SystemExit(3)", "raise ValueError"])
 def test_a_program_that_forgets_to_close_still_lets_go(end: str) -> None:
     with Emulator("allegro_port") as hand:
@@ -241,13 +231,15 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
         assert limp(hand)
 
 
-def test_an_adapter_that_opens_slowly_is_waited_for() -> None:
+def test_an_adapter_that_opens_slowly_is_waited_for_and_a_silent_hand_says_so() -> None:
     with (
         Emulator("allegro_port") as hand,
         driver(hand, silent_after_ms=300.0, bus={"sleep_after_open": 2.0}) as steered,
     ):
+        until(lambda: not steered.silent)
         hand.say("power-cycle")
-
         until(lambda: bool(steered.step(3)) and steered.state().counts.silences > 0)
-        until(lambda: steered.state().phase == "running")
+        until(lambda: steered.silent)
+        assert np.isfinite(steered.angles_rad).all(), "the last ones stand"
+        until(lambda: not steered.silent and steered.state().phase == "running")
         until(lambda: (steered.step(3), pushes(hand))[1])

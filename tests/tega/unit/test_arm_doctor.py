@@ -65,9 +65,8 @@ def test_a_robot_is_asked_and_the_exact_fix_is_told(tmp_path: Path) -> None:
     pytest.importorskip("franky", reason="comes with the extra arm-sim")
     pytest.importorskip("franky_sim", reason="comes with the extra arm-sim")
     with Emulator("franka_faults") as robot:
-        tree: dict[str, Any] = {
-            "arm": {"driver": "franky", "options": {**robot.address, "realtime": "ignore"}}
-        }
+        arm = {"driver": "franky", "options": {**robot.address, "realtime": "ignore"}}
+        tree: dict[str, Any] = {"arm": arm}
         fine, mistaken = reported(tree, tmp_path)["arm"][:2]
         assert fine.status == "ok"
         assert fine.finding.startswith(f"robot server 10 (FR3) at {robot.address['host']}; franky-control 2.")

@@ -79,6 +79,9 @@ def test_a_jump_is_reported_with_its_size_and_sign_for_five_seconds(size_s: floa
         for later_s, still in ((4.9, text), (0.2, ""), (3600.0, "")):
             clocks.go(later_s)
             assert step() == still
+        for second_s in (60.0, -2.0):  # each counts from the one before
+            clocks.go(1.0, jump_s=second_s)
+            assert f"{second_s:+.1f} s" in step()
 
 
 @given(st.lists(st.floats(-0.49, 0.49), max_size=10))
@@ -89,14 +92,6 @@ def test_slewing_is_no_jump(slews_s: list[float]) -> None:
         for before_s, after_s in pairwise([0.0, *slews_s]):  # an offset that stays within half a second
             clocks.go(1.0, jump_s=after_s - before_s)
             assert step() == ""
-
-
-def test_a_second_jump_counts_from_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
-    clocks = Clocks(monkeypatch)
-    step = ClockStep()
-    for jump_s in (60.0, -2.0):
-        clocks.go(1.0, jump_s=jump_s)
-        assert f"{jump_s:+.1f} s" in step()
 
 
 def test_calls_go_on_in_another_thread_that_ends_with_the_block() -> None:

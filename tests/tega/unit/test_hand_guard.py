@@ -38,13 +38,6 @@ def test_a_killed_or_frozen_process_of_the_hand_does_not_leave_it_pushing(how: s
         assert running.wait() == 1
 
 
-def test_a_frozen_program_and_hand_process_do_not_leave_the_hand_pushing() -> None:
-    with Emulator("allegro_port") as hand, steering(hand) as running:
-        for pid in (*begun_by(running.pid, "tega.devices.hand.hand_program"), running.pid):
-            os.kill(pid, signal.SIGSTOP)
-        until(lambda: limp(hand))
-
-
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
 def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: signal.Signals) -> None:
     with Emulator("allegro_port") as hand, steering(hand, guard=False) as running:
@@ -53,12 +46,15 @@ def test_a_killed_or_frozen_program_without_a_guard_lets_go_of_the_hand(how: sig
         until(lambda: limp(hand))
 
 
-def test_a_frozen_program_that_goes_on_steers_the_hand_again() -> None:
+def test_a_frozen_program_that_goes_on_steers_again_and_one_frozen_with_its_hand_process_lets_go() -> None:
     with Emulator("allegro_port") as hand, steering(hand) as running:
         running.send_signal(signal.SIGSTOP)
         until(lambda: limp(hand))
         running.send_signal(signal.SIGCONT)
         until(lambda: pushes(hand))
+        for pid in (*begun_by(running.pid, "tega.devices.hand.hand_program"), running.pid):
+            os.kill(pid, signal.SIGSTOP)
+        until(lambda: limp(hand))
 
 
 def test_a_closed_terminal_lets_go_of_the_hand() -> None:

@@ -78,21 +78,7 @@ class Slept:
             thread.join()
 
 
-def test_a_computer_that_slept_ends_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
-    with Emulator("allegro_port") as hand:
-        slept = Slept(hand, monkeypatch)
-        with slept.steering() as thread:
-            until(lambda: pushes(hand))
-            slept.slept_s = 600.0
-            thread.join(30.0)
-            assert not thread.is_alive()
-        assert limp(hand)
-    assert slept.news[-1].ended
-    assert slept.news[-1].let_go
-    assert slept.news[-1].trouble == " (the computer slept for 600 s)"
-
-
-def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_computer_that_slept_ends_the_hand_and_no_torque_of_before_is_sent(monkeypatch) -> None:
     sent: list[bool] = []
     with Emulator("allegro_port") as hand:
         slept = Slept(hand, monkeypatch)
@@ -114,6 +100,9 @@ def test_a_torque_that_was_computed_before_a_standstill_is_not_sent(monkeypatch:
             assert not thread.is_alive()
         assert limp(hand)
     assert sent == [False]
+    assert slept.news[-1].ended
+    assert slept.news[-1].let_go
+    assert slept.news[-1].trouble == " (the computer slept for 600 s)"
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the clock of the system is replaced")
