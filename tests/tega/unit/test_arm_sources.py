@@ -53,8 +53,7 @@ def test_a_recording_comes_back_as_it_was_written(tmp_path: Path) -> None:
     assert len(back) == len(poses) > 20
     for one, other in zip(poses, back, strict=True):
         assert (one.t_ns, one.valid) == (other.t_ns, other.valid)
-        assert list(one.position_m) == list(other.position_m)
-        assert list(one.quaternion_xyzw) == list(other.quaternion_xyzw)
+        assert [*one.position_m, *one.quaternion_xyzw] == [*other.position_m, *other.quaternion_xyzw]
 
 
 @pytest.mark.parametrize(
@@ -112,6 +111,8 @@ def test_a_device_without_data_gives_no_valid_pose_and_a_pause_no_way() -> None:
     assert source.read(5_000 * MS)[0].position_m[0] == 0
     assert source.read(5_010 * MS)[0].position_m[0] == pytest.approx(0.0015)
     assert source.read(5_010 * MS + 10) == ()
+    far_m = [source.read(t_ms * MS)[0].position_m[0] for t_ms in range(5_020, 800_000, 100)]
+    assert 49 < max(map(abs, far_m)) <= 50  # pushed for minutes, and still in the room that the gate allows
 
 
 @pytest.mark.parametrize(

@@ -157,8 +157,7 @@ def test_an_unplugged_cap_is_at_rest_and_comes_back(how: str, monkeypatch: pytes
         until(lambda: mouse.state().motion != AT_REST and bool(mouse.state().held))
         if how == "a bug":
             monkeypatch.setattr(mouse, "_pass_time", lambda _t_ns: 1 / 0)
-        else:
-            peer.say(how)
+        peer.say("plug" if how == "a bug" else how)
         until(lambda: mouse.counts.lost > 0)
         assert (mouse.state().motion, mouse.state().held) == (AT_REST, frozenset())
         monkeypatch.undo()

@@ -28,6 +28,7 @@ _LEAST_NS: Final = 1_000_000
 _LONGEST_S: Final = 0.1
 # At full deflection, m/s and rad/s.
 _SPEEDS: Final = np.array([0.15] * 3 + [0.6] * 3)
+_ROOM_M: Final = 50.0  # half of the gate's; beyond, it goes on at the other end and is held anew
 
 
 class RatePoses:
@@ -62,7 +63,7 @@ class RatePoses:
         if state.live and dt_s <= _LONGEST_S:
             motion = np.array(state.motion)
             route = _SPEEDS * motion * np.abs(motion) ** 2 * dt_s
-            self._place = self._place + route[:3]
+            self._place = (self._place + route[:3] + _ROOM_M) % (2 * _ROOM_M) - _ROOM_M
             self._turn = unit(multiply(exp(route[3:]), self._turn))
         return (StampedPose(now_ns, self._place.tolist(), self._turn.tolist(), valid=state.live),)
 
