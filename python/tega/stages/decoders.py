@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Annotated, ClassVar, Final, Literal
 
@@ -21,13 +22,17 @@ _HIGHEST_SHARE: Final = 0.45
 _ORDER: Final = 4
 _MAINS_HZ: Final = (50.0, 60.0)
 _NOTCH_Q: Final = 30.0
+# As in the filters of tega.emg.levels.
+_GAP_S: Final = 0.1
+_LARGEST: Final = 1e300
 
 
 class EmgBand:
     """Band-pass of order 4 from 20 to 450 Hz and a notch at 50 and at 60 Hz, sample by sample.
 
     The band is LibEMG's for surface EMG. Filtering in chunks gives the same result as filtering the whole
-    signal. It needs SciPy, and more than 267 samples a second (else ``InvalidValueError``).
+    signal. The offset at the beginning, and its jump over 100 ms without a good sample, make no transient.
+    It needs SciPy, and more than 267 samples a second (else ``InvalidValueError``).
     """
 
     def __init__(self, rate_hz: float, n_channels: int) -> None:
@@ -44,16 +49,26 @@ class EmgBand:
         self._sections: NDArray[np.float64] = np.concatenate(parts)
         self._filter = signal.sosfilt
         self._state = np.zeros((len(self._sections), 2, n_channels))
-        self._last = np.zeros(n_channels)
+        self._gap = math.ceil(_GAP_S * rate_hz)
+        self._last, self._offset = np.zeros(n_channels), np.zeros(n_channels)
+        self._missing = np.full(n_channels, self._gap)
 
     def take(self, samples: NDArray[np.float64]) -> NDArray[np.float64]:
         """Filter (n, channels); pass on a sample that is no number, and give the filter the one before."""
+        if not len(samples):
+            return samples
         held = np.vstack([self._last, samples])
-        known = np.isfinite(held)
-        rows = np.maximum.accumulate(np.where(known, np.arange(len(held))[:, None], 0), axis=0)
+        known = np.abs(held) <= _LARGEST
+        numbers = np.arange(len(held))[:, None]
+        rows = np.maximum.accumulate(np.where(known, numbers, 0), axis=0)
         held = np.take_along_axis(held, rows, axis=0)
-        self._last = held[-1]
-        filtered, self._state = self._filter(self._sections, held[1:], axis=0, zi=self._state)
+        # Samples missing before each, those of earlier calls included.
+        missing = numbers - rows + np.where(rows, 0, self._missing)
+        jumps = np.where(known[1:] & (missing[:-1] >= self._gap), np.diff(held, axis=0), 0.0)
+        offsets = np.cumsum(np.vstack([self._offset, jumps]), axis=0)
+        self._last, self._missing, self._offset = held[-1], missing[-1], offsets[-1]
+        # The band lets no constant through: without its jumps the offset leaves nothing.
+        filtered, self._state = self._filter(self._sections, (held - offsets)[1:], axis=0, zi=self._state)
         return np.where(known[1:], filtered, samples)
 
 

@@ -18,6 +18,7 @@ pytest.importorskip("sklearn", reason="scikit-learn is not installed")
 from tega.errors import CalibrationError, ConfigError, InvalidValueError, ShapeError, TegaError
 from tega.setup.contract import check_stage
 from tega.stages import MuscleSetup
+from tega.stages.decoders import RulesDecoder, RulesOptions
 from tega_learn.block_features import block_features
 from tega_learn.compare import Log, compare
 from tega_learn.decoders import FEATURES, LearnedDecoder, Model, ProportionalDecoder, fit, load_model
@@ -310,6 +311,20 @@ def test_another_rate_while_running_is_not_believed(options: LearnedOptions) -> 
     assert all(any(intent.channels) for intent in intents[:30])
     assert not any(any(intent.channels) for intent in intents[30:])
     assert len({intent.closure for intent in intents[30:]}) == 1
+
+
+@pytest.mark.parametrize("cuts", [[], [0, 30, 60, 1450, 1700, 1850, 1850, 1901, 3001]])
+def test_the_band_of_the_rules_makes_no_effort_of_an_offset_that_comes_or_jumps(cuts: list[int]) -> None:
+    samples = np.random.default_rng(1).normal(2048, 5, (4000, 3))
+    samples[:50, 0] = samples[1500:1900] = np.nan
+    samples[1900:] -= 1500
+    samples[3000, 1] = 1e308
+    decoder = RulesDecoder(setup(), RulesOptions(before="band"))
+    parts = zip(np.split(samples, cuts), np.split(np.arange(4000), cuts), strict=True)
+    channels = [one.channels for part in parts for one in decoder.decode(*part)]
+    assert len(channels) == 40
+    assert max(map(max, channels)) == 1
+    assert channels[-8:] == [(1, 1, 1)] * 8
 
 
 def test_proportional_is_open_at_rest_and_closed_at_full() -> None:
