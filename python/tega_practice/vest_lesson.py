@@ -17,6 +17,7 @@ from tega.haptics import FINGERS, MotorLevels
 from tega.loop.touch import TouchLoop
 from tega.records import Contact, Event
 from tega.runtime.clock import Clock, SystemClock
+from tega.stages.place import DIGIT_PX
 
 _REFRESH_NS = 33_333_333
 _TOUCHES_S, _CHANGES_S, _LETS_GO_S, _ENDS_S = 0.2, 0.8, 1.4, 2.6
@@ -107,8 +108,8 @@ class Lesson:
             name, full = getattr(options, face, ""), getattr(options, f"{face}_max", None)
             if name in self._full and full is not None:
                 self._full[name] = full
-        tip = getattr(options, "picture_px", (320, 240))
-        self._size = tip[0] - 1, tip[1] - 1
+        width, height = getattr(options, "picture_px", None) or DIGIT_PX
+        self._size = width - 1, height - 1
         self._end = getattr(options, "tip", "up")
         self.aspects = tuple(aspect for aspect in all_aspects(self._fingers) if self._reports(aspect))
         if not self.aspects:
@@ -191,7 +192,7 @@ class Lesson:
 
     def _contact(self, finger: str, t_ns: int, press: TaughtTouch | None) -> Contact:
         if press is None:
-            return Contact(finger=finger, t_ns=t_ns, in_contact=False)
+            return Contact(finger=finger, t_ns=t_ns, in_contact=False, strength=0.0, broad=0.0)
         down = {"up": press.down, "left": press.down}.get(self._end, 1 - press.down)
         shares = (0.5, down) if self._end in {"up", "down"} else (down, 0.5)
         return Contact(

@@ -23,7 +23,7 @@ from tega.haptics import intensity
 from tega.loop import run_session
 from tega.loop.maxima import guided_maxima, touch_maxima
 from tega.loop.snapshot import LoopView
-from tega.loop.touch import TouchLoop
+from tega.loop.touch import TouchLoop, touch_loop
 from tega.recording.mcap_reader import McapReader
 from tega.records import ArmTurn, Event, PoseNumbers
 from tega.records.bus import Bus
@@ -144,6 +144,15 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
     # Held with either object, as firmly as can be, no column is full.
     felt = [(m.cci / both.cci_max, m.eda / both.eda_max) for frames in presses for m in frames[20:55]]
     assert not any(intensity(max(shares), 1.0) > 99.5 for shares in felt)
+
+
+def test_a_place_is_a_share_of_the_pictures_that_the_run_has() -> None:
+    config = load_config(None, environ={}, sets=["stages.mapping.name=place"]).config
+    maxima = {"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}
+    calibration = Calibration(preset="live", origin="", tactile=maxima)
+    loop = touch_loop(config, calibration, {"index": np.zeros((480, 640, 3), np.uint8)})
+    loop.update("index", msgspec.structs.replace(touching(3000), centroid_xy=(0.0, 479.0)))
+    assert loop.frame(0).intensities.reshape(2, 5, 4).any(axis=(0, 2)).tolist() == [False] * 4 + [True]
 
 
 def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:

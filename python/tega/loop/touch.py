@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from collections.abc import Mapping as AnyMapping
+from types import MappingProxyType
 
 import numpy as np
 from msgspec.structs import replace
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.config import DEFAULT_LAYOUT, SessionConfig
@@ -36,7 +37,8 @@ class TouchLoop:
     finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
     The keys of ``maxima`` are the fingers in use. ``felt`` evens out the perceived intensity, ``None`` sends the law's
-    own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9. ``found`` are the events that the newest frame
+    own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9; ``pictures_px`` are for it, see :class:`VestSetup`.
+    ``found`` are the events that the newest frame
     showed, if the mapping wants them or :meth:`find_events` was called.
     """
 
@@ -48,6 +50,7 @@ class TouchLoop:
         mirror: Mirror = "none",
         felt: FeltMap | None = None,
         mapping: Callable[[VestSetup], Mapping] | None = None,
+        pictures_px: AnyMapping[str, tuple[int, int]] = MappingProxyType({}),
     ) -> None:
         self._layout: Layout = layout
         self._maxima = {
@@ -59,7 +62,7 @@ class TouchLoop:
         table = find_layout(layout)
         self._n_motors = len(table.motors)
         self._silence = self._made(np.zeros(self._n_motors))
-        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima, felt)
+        setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima, felt, pictures_px)
         self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
         # A mapping that knows what the wearer feels has said already what each motor is to do.
         self._felt = None if self.mapping.evens_out else felt
@@ -147,8 +150,10 @@ class TouchLoop:
         return MotorLevels(self._layout, intensities)
 
 
-def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterable[str]) -> TouchLoop:
-    """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use."""
+def touch_loop(
+    config: SessionConfig, calibration: Calibration, fingers: AnyMapping[str, NDArray[np.uint8] | None]
+) -> TouchLoop:
+    """Make the back loop that settings and a calibration ask for; ``fingers`` are those in use, with a picture."""
     vest = config.vest
     maxima = {finger: calibration.touch(finger) or TouchMaxima() for finger in fingers}
     preset = config.session.preset
@@ -158,6 +163,9 @@ def touch_loop(config: SessionConfig, calibration: Calibration, fingers: Iterabl
         mirror=vest.mirror,
         felt=felt_map(vest),
         mapping=vest_mapping(config.stages, preset),
+        pictures_px={
+            f: (one.shape[1], one.shape[0]) for f, one in fingers.items() if one is not None and one.size
+        },
     )
 
 

@@ -77,13 +77,15 @@ class VestSetup(NamedTuple):
     """Setup of a mapping: the vest that it drives, its layout mirrored as in the settings.
 
     ``maxima`` are by finger and value (``cci``, ``eda``), without a value that has none; ``felt`` is the wearer's
-    threshold and step, where they were measured.
+    threshold and step, where they were measured; ``pictures_px`` are width and height of each finger's pictures, where
+    they are known.
     """
 
     layout: MotorLayout
     fingers: tuple[str, ...]
     maxima: collections.abc.Mapping[str, collections.abc.Mapping[str, float]]
     felt: FeltMap | None = None
+    pictures_px: collections.abc.Mapping[str, tuple[int, int]] = {}
 
 
 class ReflexSetup(NamedTuple):

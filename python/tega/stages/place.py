@@ -14,6 +14,9 @@ from tega.records import Contact
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
 
+DIGIT_PX: Final = (240, 320)
+"""Width and height of an upright DIGIT's picture, for a finger whose pictures are unknown."""
+
 _Pixels = Annotated[int, msgspec.Meta(ge=8, le=8192)]
 
 # Of a picture: the shares right and down, as shares right and down of the finger with its tip up.
@@ -31,13 +34,13 @@ class PlaceOptions(SlipRowOptions, frozen=True):
     Attributes:
         blend: Between two motors ``energy`` shares the power, so that a place between them is felt as strong as one;
             ``all`` lights every motor, as ``columns`` does.
-        picture_px: Width and height of the fingertips' pictures.
+        picture_px: Width and height of the fingertips' pictures; none means those of each finger's own.
         tip: Side of the picture at which the fingertip's end is; it is shown at the top.
     """
 
     slip_row: Literal["bottom", "top", "none"] = "none"
     blend: Literal["energy", "all"] = "energy"
-    picture_px: tuple[_Pixels, _Pixels] = (320, 240)
+    picture_px: tuple[_Pixels, _Pixels] | None = None
     tip: Literal["up", "down", "left", "right"] = "up"
 
 
@@ -58,6 +61,7 @@ class PlaceMapping(SlipRowMapping):
     def __init__(self, setup: VestSetup, options: PlaceOptions) -> None:
         super().__init__(setup, options)
         self._place = options
+        self._pictures_px = setup.pictures_px
         layout = setup.layout
         in_use = sorted({self._columns_of[finger] for finger in setup.fingers})
         width = {face: layout.columns(face) for face in ("front", "back")}
@@ -97,7 +101,8 @@ class PlaceMapping(SlipRowMapping):
 
     def _at(self, contact: Contact) -> tuple[float, float] | None:
         """Return the place of a contact, as shares right and down of a finger with its tip up."""
-        x, y = (at / (n - 1) for at, n in zip(contact.centroid_xy, self._place.picture_px, strict=True))
+        size = self._place.picture_px or self._pictures_px.get(contact.finger, DIGIT_PX)
+        x, y = (at / (n - 1) for at, n in zip(contact.centroid_xy, size, strict=True))
         if not (math.isfinite(x) and math.isfinite(y)):
             return None
         right, down = _TURNED[self._place.tip](min(max(x, 0.0), 1.0), min(max(y, 0.0), 1.0))

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from tega.errors import ConfigError
 from tega.haptics import FINGERS, FeltMap
@@ -28,7 +29,7 @@ KINDS = [SlipRowMapping, EqualStepsMapping, ChangesMapping, PlaceMapping]
 
 shares = st.floats(0, 1.5).map(lambda x: round(x, 6))
 layouts = st.sampled_from(sorted(SHIPPED))
-places = st.tuples(st.floats(0, 319), st.floats(0, 239))
+places = st.tuples(st.floats(0, 239), st.floats(0, 319))
 touches = st.dictionaries(st.sampled_from(FINGERS), st.tuples(shares, shares, places))
 slips = st.lists(st.sampled_from(["", *FINGERS]), max_size=2)
 scripts = st.lists(st.tuples(touches, slips), min_size=1, max_size=5)
@@ -191,15 +192,26 @@ def test_a_slip_lights_its_own_row_alone(finger: str, row: Any, layout: str) -> 
     assert 0.28 <= sum(reported) / 30 <= 0.36
 
 
-@given(x=st.floats(0, 319), y=st.floats(0, 239), tip=st.sampled_from(["up", "down", "left", "right"]))
-def test_the_contacts_place_is_where_it_is_felt(x: float, y: float, tip: Any) -> None:
-    mapping = PlaceMapping(setup("paper32", fingers=["index"]), PlaceOptions(tip=tip))
-    displayed = mapping.levels(0, {"index": contact("index", 0, 1, 1, (x, y))}, ()).reshape(2, 4, 4)
+@given(
+    x=st.floats(0, 1),
+    y=st.floats(0, 1),
+    tip=st.sampled_from(["up", "down", "left", "right"]),
+    sizes=st.sampled_from(
+        [
+            ((240, 320), None, {}),
+            ((480, 640), None, {"index": (480, 640)}),
+            ((9, 8), (9, 8), {"index": (99, 8)}),
+        ]
+    ),
+)
+def test_the_contacts_place_is_where_it_is_felt(x: float, y: float, tip: Any, sizes: Any) -> None:
+    (width, height), picture_px, pictures_px = sizes
+    known = setup("paper32", fingers=["index"])._replace(pictures_px=pictures_px)
+    mapping = PlaceMapping(known, PlaceOptions(tip=tip, picture_px=picture_px))
+    at = x * (width - 1), y * (height - 1)
+    displayed = mapping.levels(0, {"index": contact("index", 0, 1, 1, at)}, ()).reshape(2, 4, 4)
     rows, columns = np.mgrid[:4, :4]
-    right, down = {
-        "up": (x / 319, y / 239), "down": (1 - x / 319, 1 - y / 239),
-        "left": (1 - y / 239, x / 319), "right": (y / 239, 1 - x / 319),
-    }[tip]  # fmt: skip
+    right, down = {"up": (x, y), "down": (1 - x, 1 - y), "left": (1 - y, x), "right": (y, 1 - x)}[tip]
     for face in displayed**2:
         # The middle of the power is the place itself, and all of it that of the intensity.
         assert face.sum() == pytest.approx(99**2, abs=1e-6)
@@ -214,6 +226,16 @@ def test_four_fingers_keep_a_column_each_and_an_unknown_place_lights_it() -> Non
     assert (displayed > 1).nonzero()[2].tolist() == [2, 2]
     displayed = mapping.levels(0, {"middle": contact("middle", 0, 1, 1, (math.nan, math.nan))}, ())
     assert (displayed.reshape(2, 5, 4) > 90).sum(axis=(0, 1)).tolist() == [0, 0, 10, 0]
+
+
+@pytest.mark.parametrize("law", ["linear", "logistic", "power"])
+def test_a_value_is_an_error_at_rest_if_it_is_not_measured_and_silent_while_it_is_missing(law: Any) -> None:
+    mapping = EqualStepsMapping(setup(), EqualStepsOptions(front="force_n", front_max=5.0, law=law))
+    with pytest.raises(ConfigError, match="measures no value 'force_n'"):
+        mapping.levels(0, {"index": contact("index", 0, 0, 0)}, ())
+    for force_n, lit in ((math.nan, 5), (5.0, 10)):
+        touching = replace(contact("index", 0, 1, 1), force_n=force_n)
+        assert np.count_nonzero(mapping.levels(0, {"index": touching}, ())) == lit
 
 
 @pytest.mark.parametrize("kind", [ColumnsMapping, *KINDS])

@@ -240,7 +240,8 @@ class _Audit:
         else:
             for finger in self._material.baselines:
                 contacts[finger] = self._displayed[finger, _metric(variant.config)].contacts
-        return vest_score(variant, contacts, calibration, self._requested.forces)
+        baselines = self._material.baselines
+        return vest_score(variant, contacts, calibration, baselines, self._requested.forces)
 
     def _truth(self, frame: TactileFrame) -> PictureTruth | None:
         """Return what is known of a picture; ``None`` for one that is to be left out."""

@@ -63,6 +63,7 @@ def vest_score(
     variant: Variant,
     contacts: Mapping[str, Sequence[Contact]],
     calibration: Calibration | None,
+    baselines: Mapping[str, NDArray[np.uint8]],
     forces: Forces | None = None,
 ) -> VestScore:
     """Show contacts, of each finger in order of time, on the vest.
@@ -74,7 +75,7 @@ def vest_score(
         maxima = {finger: touch_maxima(list(rows)) for finger, rows in contacts.items()}
         calibration = Calibration(preset=config.session.preset, origin="of the recording", tactile=maxima)
         of = "recording"
-    loop = touch_loop(config, calibration, contacts)
+    loop = touch_loop(config, calibration, {f: baselines[f] for f in contacts})
     period_ns = round(1e9 / config.vest.rate_hz)
     rows = sorted(
         ((finger, contact) for finger, seen in contacts.items() for contact in seen),
