@@ -186,6 +186,7 @@ UNCUT = "samples = self._received(self._opened_ns)"
 BREAKING = [
     ("own_metric", "EmbeddingMetric", "finger=self._setup.finger", 'finger="thumb"', "the one it was made for"),
     ("own_metric", "EmbeddingMetric", 'return {f"pc{number}"', 'return {f"p{number}"', "every value of units"),
+    ("own_metric", "EmbeddingMetric", 'more}', 'more, "force_n": seen.eda or None}', "same numbers"),
     ("own_decoder", "ProportionalDecoder", "self._n += len(samples)", "pass", "however the samples are cut"),
     ("own_decoder", "ProportionalDecoder", "closure=closure", "closure=2 * closure", "closure is 0 to 1"),
     ("own_mapping", "BarsMapping", "return levels", "return levels + 1", "every motor rests"),

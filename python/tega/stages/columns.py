@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from collections.abc import Mapping as AnyMapping
 from typing import Annotated, ClassVar, Literal
@@ -101,11 +102,12 @@ class ColumnsMapping(Mapping):
         """Return the finger's columns, percent; 0 without contact, unless the law is to be shown at rest."""
         o = self._options
         front, back = self._full[finger]
-        values = (0.0, 0.0)
-        if contact.in_contact:
-            values = value_of(contact, o.front), value_of(contact, o.back)
-        elif o.at_rest == "silent":
-            return 0.0, 0.0
+        # Looked up at rest, too: a value that the metric does not measure is an error before the first touch.
+        values = value_of(contact, o.front), value_of(contact, o.back)
+        if not contact.in_contact:
+            if o.at_rest == "silent":
+                return 0.0, 0.0
+            values = (0.0, 0.0)
         back_end = o.end_value if o.back_end_value is None else o.back_end_value
         return self._percent(values[0], front, o.end_value), self._percent(values[1], back, back_end)
 
@@ -144,7 +146,7 @@ class ColumnsMapping(Mapping):
         return levels
 
     def _percent(self, value: float, maximum: float | None, end_value: float) -> float:
-        if maximum is None:
+        if maximum is None or math.isnan(value):
             return 0.0
         o = self._options
         if o.saturate:
@@ -155,7 +157,7 @@ class ColumnsMapping(Mapping):
 
 
 def value_of(contact: Contact, name: str) -> float:
-    """Return a contact's value by its name: a field of it, or a value of the metric's own."""
+    """Return a contact's value by its name: a field of it, or a value of the metric's own; NaN if it is missing now."""
     for one in contact.more:
         if one.name == name:
             return one.value

@@ -14,6 +14,7 @@ from tega.haptics.motor_layout import SHIPPED, MotorLayout
 from tega.records import Contact, Event, Intent, NamedValue
 from tega.setup.contract.devices import rule
 from tega.stages import base
+from tega.stages.columns import FIELDS
 
 _FRAME_NS = 16_666_667
 
@@ -62,6 +63,8 @@ def check_metric(metric: type[base.Metric], options: Any) -> None:
         return found
 
     first, again = run(), run()
+    measured = [{name for name in FIELDS if getattr(contact, name) is not None} for contact in first]
+    rule(all(names == measured[0] for names in measured), "at rest there are the same numbers as in contact")
     for number, contact in enumerate(first):
         rule(type(contact) is Contact, "update gives a tega.records.Contact")
         rule(contact.finger == "index", "the contact's finger is the one it was made for")
@@ -70,7 +73,9 @@ def check_metric(metric: type[base.Metric], options: Any) -> None:
             {one.name: one.unit for one in contact.more} == units, "more holds every value of units, no other"
         )
         if contact.in_contact:
-            numbers = [contact.cci, float(contact.eda), contact.peak, *(one.value for one in contact.more)]
+            # Spread and threshold are NaN where a metric has none.
+            numbers = [getattr(contact, name) for name in measured[0] - {"spread", "threshold"}]
+            numbers += [one.value for one in contact.more]
             rule(all(map(math.isfinite, numbers)), "in contact every number is finite")
             rule(contact.eda >= 0, "eda is not negative")
     rule(first[3].in_contact, "a press of 90 counts is contact")
