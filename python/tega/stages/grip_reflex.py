@@ -27,7 +27,8 @@ class GripReflexOptions(StageOptions, frozen=True):
         keep_s: Time by which a wish outlasts its cause, seconds.
         most_give_levels: Closure gained since the first touch at which nothing is added any more, levels, as the
             object is giving way. 0 for no such limit.
-        most_force_n: Force on a fingertip at which nothing is added any more, newtons; 0 for no such limit.
+        most_force_n: Force on a fingertip at which nothing is added any more, newtons; 0 for no such limit. A touch
+            whose force is not measured counts as that force.
     """
 
     incipient_from: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.4
@@ -126,8 +127,12 @@ class GripReflex(Reflex):
             if room < 1:
                 self._cause = "eased: the object gives"
         if o.most_force_n > 0:
-            force_n = max((c.force_n for c in touching if c.force_n is not None), default=0.0)
-            left = (o.most_force_n - force_n) / (_MARGIN * o.most_force_n)
+            forces_n = [math.nan if c.force_n is None else c.force_n for c in touching]
+            known_n = [force_n for force_n in forces_n if not math.isnan(force_n)]
+            # A force that nobody measures may be too much.
+            most_n = max([*known_n, o.most_force_n if len(known_n) < len(forces_n) else 0.0])
+            left = (o.most_force_n - most_n) / (_MARGIN * o.most_force_n)
             if left < room:
-                room, self._cause = left, "eased: a finger is loaded"
+                why = "eased: a finger is loaded" if most_n in known_n else "no force is measured"
+                room, self._cause = left, why
         return max(room, -1.0)

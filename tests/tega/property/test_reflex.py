@@ -171,10 +171,13 @@ def test_it_is_eased_before_the_object_gives_too_far() -> None:
 
 def test_it_is_eased_where_a_finger_is_loaded() -> None:
     bench = grip(options=GripReflexOptions(most_force_n=5.0))
-    for force_n, level in ((4.5, 3.25), (6.0, 3.0)):
-        loaded = msgspec.structs.replace(touch("index", incipient=1.0)["index"], force_n=force_n)
-        assert bench.ticks(400, 3.0, {"index": loaded}) == pytest.approx(level)
-    assert bench.reported[-1].wish == -1.0
+    for forces_n, level, wish in (
+        ([4.5], 3.25, 0.5), ([6.0], 3.0, -1.0), ([1.0, None], 3.0, 0.0), ([math.nan, 6.0], 3.0, -1.0),
+    ):  # fmt: skip
+        each = zip(touch(incipient=1.0).values(), forces_n, strict=False)
+        loaded = {one.finger: msgspec.structs.replace(one, force_n=force_n) for one, force_n in each}
+        bench.ticks(400, 3.0, loaded)
+        assert (3.0 + bench.arc.added, bench.reported[-1].wish) == pytest.approx((level, wish))
 
 
 def test_in_a_hold_and_without_authority_what_was_added_is_taken_back_within_a_fifth_of_a_second() -> None:
