@@ -15,6 +15,9 @@ from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 from tega_onnx.model import Ahead, EmgInput, OnnxModel
 
+# Of a maximum: larger samples are faults, and float32 would not hold the largest.
+_MOST_SHARE = 1e6
+
 
 class OnnxDecoderOptions(StageOptions, frozen=True):
     """Options of the decoder ``onnx``.
@@ -54,7 +57,7 @@ class OnnxDecoder(Decoder):
                 f"{n_outputs} outputs; the muscles have {len(setup.channels)} at {setup.rate_hz:g} Hz",
                 "train one for these muscles, with one output",
             )
-        self._given, self._maxima = given, np.array(setup.maxima)
+        self._given, self._maxima, self._raw = given, np.array(setup.maxima), setup.kind == "raw"
         still = np.zeros(model.shape, np.float32)
         every_ms = given.step / given.rate_hz * 1e3
         # Half a step, so that rounding of times leaves no window out.
@@ -76,9 +79,10 @@ class OnnxDecoder(Decoder):
 
     def _intent(self, t_ns: int) -> Intent:
         shares = self._window / self._maxima
-        good = np.isfinite(shares).all(axis=0)
-        if self._ahead.wants(t_ns):
-            given = np.where(np.isfinite(shares), shares, 0.0).T[None].astype(np.float32)
+        good = (np.abs(shares) <= _MOST_SHARE).all(axis=0)
+        # A faulty window is no input: its result would come when the faulty samples have left the window.
+        if good.all() and self._n >= len(self._window) and self._ahead.wants(t_ns):
+            given = shares.T[None].astype(np.float32)
             self._ahead.give(t_ns, lambda: given)
         closure = float(self._ahead.at(t_ns)[0])
         on_time = not np.isnan(closure)
@@ -87,8 +91,9 @@ class OnnxDecoder(Decoder):
         )
         if on_time and good.all():
             self._closure = min(max(closure, 0.0), 1.0)
-        size = np.abs(np.where(np.isfinite(shares), shares, 0.0)).mean(axis=0)
-        levels = 1 + np.rint(4 * np.clip(size, 0.0, 1.0)).astype(int)
+        swing = np.where(good, shares, 0.0)
+        size = np.abs(swing - swing.mean(axis=0) if self._raw else swing).mean(axis=0)
+        levels = 1 + (4 * np.clip(size, 0.0, 1.0)).astype(int)
         # Nobody believes a channel while the model gives nothing: the guard then holds the hand.
         channels = np.where(good & on_time, levels, 0).tolist()
         return Intent(t_ns=t_ns, closure=self._closure, channels=tuple(channels))

@@ -52,7 +52,7 @@ def picture_files(tmp_path: Path) -> tuple[Path, Path]:
 
 def decoder_options(folder: Path) -> OnnxDecoderOptions:
     file, card = written(folder, model(EMG_WEIGHTS, [1, 3, 100], square=True), EMG_CARD)
-    return OnnxDecoderOptions(model=file, card=card, delay_ms=500.0)
+    return OnnxDecoderOptions(model=file, card=card, delay_ms=300.0)
 
 
 def metric_options(files: tuple[Path, Path], **more: Any) -> OnnxMetricOptions:
@@ -88,19 +88,27 @@ def test_both_keep_the_contract_of_a_stage(picture_files, tmp_path: Path) -> Non
 def test_the_decoder_gives_the_closure_of_the_window_before_and_holds_on_a_fault(tmp_path: Path) -> None:
     setup = MuscleSetup("raw", 1000.0, 100, ("a", "b", "c"), (10.0, 10.0, 10.0), "live")
     decoder = OnnxDecoder(setup, decoder_options(tmp_path))
-    samples = np.repeat([0.0, 5.0, 10.0], 200)[:, None] * np.ones(3)
+    samples = (np.repeat([0.0, 5.0, 10.0], 200) * np.tile([1.0, -1.0], 300))[:, None] * np.ones(3)
     times = np.arange(1, 601) * 1_000_000
     intents = decoder.decode(samples, times)
     assert [one.t_ns // 1_000_000 for one in intents] == list(range(50, 601, 50))
     window = [np.concatenate([np.zeros((100, 3)), samples])[end : end + 100] for end in range(50, 601, 50)]
     closures = [float(np.mean((one / 10) ** 2)) for one in window]
-    late = [0.0] * 10  # half a second of windows
-    assert [one.closure for one in intents] == pytest.approx([*late, *closures[:-10]], abs=1e-5)
-    assert intents[-1].channels == (5, 5, 5)
-    samples[:, 1] = np.inf
+    late = [0.0] * 6  # 0.3 s of windows
+    assert [one.closure for one in intents] == pytest.approx([*late, *closures[:-6]], abs=1e-5)
+    assert (intents[6].channels, intents[-1].channels) == ((3, 3, 3), (5, 5, 5))
+    samples[:100, 1] = np.inf
     faulty = decoder.decode(samples[:100], times[:100] + 600_000_000)
     assert [one.closure for one in faulty] == [intents[-1].closure] * 2
     assert faulty[-1].channels == (1, 0, 1)
+    # A delay later comes no result of a window with a fault in it; an offset is no effort.
+    full = np.tile(samples[-1:] * [[1], [-1]], (500, 1))
+    after = decoder.decode(full, np.arange(701, 1701) * 1_000_000)
+    assert [one.closure for one in after] == pytest.approx(
+        [closures[5], *closures[9:12], *[1.0] * 16], abs=1e-5
+    )
+    assert decoder.decode(full[:100] + 512, times[:100] + 1_700_000_000)[-1].channels == (5, 5, 5)
+    assert decoder.decode(full[:100] / 2 + 512, times[:100] + 1_800_000_000)[-1].channels == (3, 3, 3)
 
 
 def test_a_slow_model_never_delays_and_its_late_results_are_missing() -> None:
