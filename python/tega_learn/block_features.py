@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega.emg import ButterworthLowpass, InputKind
 from tega.errors import DtypeError, InvalidValueError, ShapeError
+from tega.runtime.leading_axes import as_array
 
 FEATURES: Final[dict[str, str]] = {
     "MAV": "mean absolute value: mean |x|",
@@ -47,7 +48,7 @@ def amplitude_values(features: tuple[str, ...], channels: int) -> NDArray[np.boo
 
 def as_samples(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     """Return real samples as float64 ``(n, channels)``; ``None`` takes any number of channels."""
-    array = np.asarray(samples)
+    array = as_array(samples)
     if array.dtype.kind not in "fiu":
         raise DtypeError(f"samples are {array.dtype}, expected float64", "give real numbers")
     if array.ndim == 1 and channels in {1, None}:

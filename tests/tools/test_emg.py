@@ -124,6 +124,7 @@ def test_a_wrong_shape_or_type_is_refused(samples: Any, error: type[Exception], 
 INTENT: dict[str, Any] = {"rate_hz": 200, "maxima": [1.0], "tau": 20}
 MAXIMA: dict[str, Any] = {"samples": np.full((400, 2), 512.0), "rate_hz": 200, "tau": 20}
 GAP = np.where(np.arange(400)[:, np.newaxis] * [0, 1] == 7, np.nan, 1.0)
+MASKED = np.ma.masked_invalid(GAP)
 NO_CUTOFF = r"cutoff_hz = .* rate_hz = "
 REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], str]] = [
     (ButterworthLowpass, {}, "rate_hz", (0.0, -200.0, np.nan, np.inf), InvalidValueError, "rate_hz"),
@@ -144,12 +145,20 @@ REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], 
     (GraspIntent, INTENT, "rate_hz", (80,), InvalidValueError, r"cutoff_hz = 50 Hz .* rate_hz = 80 Hz"),
     (GraspIntent, INTENT, "maxima", ([[1.0, 2.0]],), ShapeError, "maxima"),
     (GraspIntent, INTENT, "maxima", tuple([1.0, m] for m in NOT_POSITIVE), CalibrationError, "channel 2"),
-    (fuse_levels, {}, "levels", ([],), InvalidValueError, "empty"),
+    (fuse_levels, {}, "levels", ([], np.empty((2, 0))), InvalidValueError, "empty"),
+    (
+        fuse_levels,
+        {},
+        "levels",
+        ([1.0, 2.0], MASKED, np.full((2, 3), np.nan)),
+        DtypeError,
+        "levels are float64",
+    ),
     (fuse_levels, {}, "levels", tuple([1, n, 2] for n in (-1, 0, 6, 300)), InvalidValueError, "level = "),
     (grasp_level, {"value": 1.0}, "maximum", NOT_POSITIVE, InvalidValueError, "maximum"),
     (channel_maxima, MAXIMA, "tau", (20,), CalibrationError, "maximum of channel 1"),
     (channel_maxima, MAXIMA, "samples", (np.ones((19, 2)),), CalibrationError, "19 samples"),
-    (channel_maxima, MAXIMA, "samples", (GAP,), CalibrationError, "sample 7 of channel 2"),
+    (channel_maxima, MAXIMA, "samples", (GAP, MASKED), CalibrationError, "sample 7 of channel 2"),
     (channel_maxima, MAXIMA, "samples", (np.empty((400, 0)),), InvalidValueError, "channels"),
     (channel_maxima, MAXIMA, "percentile", (-1.0, 100.1, np.nan), InvalidValueError, "percentile"),
 ]

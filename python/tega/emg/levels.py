@@ -3,9 +3,9 @@
 `GraspIntent` is the whole chain: low-pass, block means, a level from 1 (open) to 5 (closed) a channel, vote. State is
 kept between calls: a recording gives bit-identical results however it is cut into chunks.
 
-Samples are ``(n, channels)``, ``float64``, in any one unit. Other float and integer arrays are converted (one
-copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are a ``DtypeError``.
-One-dimensional samples are taken for one channel.
+Samples are ``(n, channels)``, ``float64``, in any one unit, NaN or masked where missing. Other float and integer
+arrays are converted (one copy), as is an array that is not C-contiguous; booleans, complex numbers and objects are a
+``DtypeError``. One-dimensional samples are taken for one channel.
 
 Example:
     >>> import numpy as np
@@ -29,7 +29,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tega import _native
 from tega.errors import DtypeError, ShapeError
-from tega.runtime.leading_axes import each_item, each_number
+from tega.runtime.leading_axes import as_array, each_item, each_number
 
 InputKind = Literal["raw", "rectified", "envelope"]
 """Kind of a source's samples: EMG about an offset, EMG rectified by the sensor, or a sensor's envelope."""
@@ -42,7 +42,7 @@ Fusion = Literal["floor", "round", "median"]
 
 
 def _rows(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
-    array = np.asarray(samples)
+    array = as_array(samples)
     if array.dtype != np.float64 and (array.dtype.kind not in "fiu" or array.dtype.itemsize > 8):
         raise DtypeError(
             f"samples are {array.dtype}, expected float64",
@@ -200,7 +200,7 @@ class GraspIntent:
         fusion: Fusion = "floor",
         weights: Sequence[float] | None = None,
     ) -> None:
-        values = np.atleast_1d(np.asarray(maxima, np.float64))
+        values = np.atleast_1d(np.asarray(as_array(maxima), np.float64))
         if values.ndim != 1:
             raise ShapeError(f"maxima have shape {values.shape}, expected (channels,)")
         self._core = _native.GraspIntent(
@@ -298,17 +298,22 @@ def fuse_levels(levels: Sequence[int] | NDArray[np.integer]) -> int | NDArray[np
     """Fuse the channels' levels: the one most agree on (Eq 12), else their mean, rounded down (Eq 13).
 
     For any number of channels the level with the most votes wins; where several share them, the mean decides.
-    ``levels`` are 1 to 5, one a channel, else ``InvalidValueError``; for an array with leading axes, such as
-    (k, channels), the result is int64 of those.
+    ``levels`` are whole numbers 1 to 5, one a channel, else ``DtypeError`` or ``InvalidValueError``; for an array with
+    leading axes, such as (k, channels), the result is int64 of those.
 
     Example:
         >>> fuse_levels([1, 2, 5])
         2
     """
-    if isinstance(levels, np.ndarray) and levels.ndim > 1:
-        fused = [_native.fuse_levels(row.tolist()) for row in levels.reshape(-1, levels.shape[-1])]
-        return np.array(fused, np.int64).reshape(levels.shape[:-1])
-    return _native.fuse_levels(list(levels))
+    array = as_array(levels)
+    if array.size and array.dtype.kind not in "iu":
+        raise DtypeError(
+            f"levels are {array.dtype}, expected whole numbers", "round them, or leave out missing ones"
+        )
+    if array.ndim > 1:
+        fused = [_native.fuse_levels(array[index].tolist()) for index in np.ndindex(array.shape[:-1])]
+        return np.array(fused, np.int64).reshape(array.shape[:-1])
+    return _native.fuse_levels(array.tolist())
 
 
 def channel_maxima(
@@ -348,5 +353,5 @@ def channel_maxima(
     def maxima(rows: ArrayLike) -> NDArray[np.float64]:
         return _native.channel_maxima(_rows(rows, None), rate_hz, tau, kind, percentile)
 
-    several = np.asarray(samples)
-    return maxima(samples) if several.ndim < 3 else each_item(maxima, several, item_axes=2)
+    several = as_array(samples)
+    return maxima(several) if several.ndim < 3 else each_item(maxima, several, item_axes=2)

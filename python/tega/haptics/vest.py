@@ -16,7 +16,7 @@ Example:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout, torso_svg
-from tega.runtime.leading_axes import each_number
+from tega.runtime.leading_axes import as_array, each_number
 
 Layout: TypeAlias = str
 """Name of a layout: one of :data:`LAYOUTS`, or of an installed package's (:mod:`tega.haptics.motor_layout`)."""
@@ -231,7 +231,7 @@ def vest_intensities(
                [  0,   0,   0, 100]], dtype=uint8)
     """
     try:
-        faces = [np.asarray(face, np.float64) for face in (front, back)]
+        faces = [np.asarray(as_array(face), np.float64) for face in (front, back)]
         shape = np.broadcast_shapes(*(face.shape for face in faces))
     except (TypeError, ValueError) as error:
         raise (ShapeError if "broadcast" in str(error) else DtypeError)(f"front and back: {error}") from error
@@ -293,7 +293,10 @@ class FeltMap:
 
 
 def _per_motor(name: str, values: float | Iterable[float], least: float, most: float) -> NDArray[np.float64]:
-    numbers = np.asarray(values if isinstance(values, int | float) else list(values), np.float64)
+    try:
+        numbers = np.asarray(list(values) if isinstance(values, Iterator) else as_array(values), np.float64)  # type: ignore[arg-type]
+    except (TypeError, ValueError) as error:
+        raise DtypeError(f"{name} = {values!r} is not in percent: {error}") from error
     if numbers.shape not in {(), (40,)}:
         raise ShapeError(f"{name} has shape {numbers.shape}", "give one number, or one for each of 40 motors")
     if not bool(np.all((numbers >= least) & (numbers <= most))):

@@ -11,9 +11,16 @@ from numpy.typing import ArrayLike, NDArray
 from tega.errors import DtypeError
 
 
+def as_array(values: ArrayLike) -> NDArray[Any]:
+    """Return an array; a masked one becomes float64 with NaN where it is masked."""
+    if isinstance(values, np.ma.MaskedArray):
+        return np.ma.filled(values.astype(np.float64), np.nan)
+    return np.asarray(values)
+
+
 def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) -> NDArray[Any]:
     """Return a function of numbers applied to each element of arrays of real numbers, broadcast together."""
-    arrays = [np.asarray(value) for value in values]
+    arrays = [as_array(value) for value in values]
     for array in arrays:
         if array.dtype.kind not in "fiu":
             raise DtypeError(f"an array of {array.dtype} holds no real numbers", "give floats or integers")

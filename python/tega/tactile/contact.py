@@ -112,7 +112,7 @@ def contact_metrics(
         >>> m.peak, m.eda, m.centroid_xy
         (40.0, 600, (64.5, 109.5))
     """
-    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    equations = _equations(tuple(weights), order, difference, spread, factor, centroid_value, gate)
     return ContactMetrics._make(equations.metrics(frame, baseline))
 
 
@@ -133,7 +133,7 @@ def contact_metrics_many(
     ``frames`` are uint8 (N, H, W, 3), or N images of any sizes, ``baseline`` one image for all, or one each, else
     ``ShapeError``; options, other errors and each result are those of :func:`contact_metrics`.
     """
-    equations = _equations(weights, order, difference, spread, factor, centroid_value, gate)
+    equations = _equations(tuple(weights), order, difference, spread, factor, centroid_value, gate)
     return _each(equations.metrics_many, frames, baseline)
 
 

@@ -183,6 +183,18 @@ def test_maxima_of_several_contractions(seed: int, shape: tuple[int, ...]) -> No
         assert found[index].tolist() == channel_maxima(samples[index], 1000, tau=50).tolist()
 
 
-def test_levels_of_truths_are_refused() -> None:
+def test_a_masked_sample_is_a_missing_one_and_levels_of_truths_are_refused() -> None:
+    missing = np.array([[1.0, 5.0], [np.nan, 5.0], [4.0, 5.0]])
+    masked = np.ma.masked_array(np.nan_to_num(missing, nan=9.0), np.isnan(missing))
+
+    def made(samples: Any) -> list[Any]:
+        filtered = ButterworthLowpass(200, channels=2).process(samples)
+        return [
+            BlockMean(3).process(samples).tolist(),
+            filtered.tolist(),
+            np.asarray(grasp_level(samples, 4.0)).tolist(),
+        ]
+
+    assert made(masked) == made(missing)
     with pytest.raises(DtypeError):
         grasp_level(np.array([True]), 1.0)

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from reference.command import call
@@ -26,7 +27,7 @@ from tega.config import VestConfig, check_tree, load_config
 from tega.config.calibration import TouchMaxima
 from tega.devices.base import BudgetedVest
 from tega.devices.vest.vest_stream import VestOptions
-from tega.errors import DeviceUnavailableError, InvalidValueError, ShapeError
+from tega.errors import DeviceUnavailableError, DtypeError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, MotorLevels, vest_frame
 from tega.haptics.motor_layout import find_layout
 from tega.loop.inbox.reader import Reader
@@ -267,6 +268,8 @@ def test_the_loop_sends_what_this_person_feels_and_rest_stays_rest() -> None:
         ({"step": 0}, InvalidValueError, r"step = 0 is out of range"),
         ({"step": float("nan")}, InvalidValueError, r"step = nan"),
         ({"threshold": [1, 2, 3]}, ShapeError, r"threshold has shape \(3,\)"),
+        ({"threshold": "weak"}, DtypeError, "threshold = 'weak' is not in percent"),
+        ({"threshold": np.int64(20), "step": np.array(0)}, InvalidValueError, r"step = 0 is out of range"),
     ],
 )
 def test_what_nobody_can_feel_is_refused(how: dict[str, Any], error: type[Exception], message: str) -> None:
