@@ -190,7 +190,7 @@ def _text(record: OnsetRecord) -> str:
     low, high = record.middle_half_ms
     left_out = f"; left out: {', '.join(record.left_out)}" if record.left_out else ""
     return (
-        f"motor {record.motor} ({motor_place(record.motor)}), {record.percent} %:\n"
+        f"motor {record.motor} ({motor_place(record.motor, record.layout)}), {record.percent} %:\n"
         f"  begins {record.onset_ms:.0f} ms after its frame was handed over (half of the bursts {low:.0f} to "
         f"{high:.0f}, worst {record.worst_ms:.0f}), half strength after {record.half_strength_ms:.0f} ms\n"
         f"  the clock of the recording may be off by {record.clock_uncertainty_ms:.0f} ms ({record.clock})\n"

@@ -57,9 +57,8 @@ def accept_vest(vest: Any, layout: Layout, percent: int, guide: AcceptanceGuide)
         return
     vest.write(time.monotonic_ns(), dark)
     largest, n_zero, left_ms = _pulse(vest, dark, motors)
-    where = guide.ask(
-        f"Where was it felt? Expected: {motor_place(motors[0])}, and {motor_place(motors[-1])}."
-    )
+    first, last = motor_place(motors[0], layout), motor_place(motors[-1], layout)
+    where = guide.ask(f"Where was it felt? Expected: {first}, and {last}.")
     yield _vest_rate(left_ms)
     if isinstance(vest, StampingVest):
         yield _left_step(left_ms, n_zero)

@@ -149,6 +149,11 @@ class Bursts(NamedTuple):
     bursts: int
     sync: Literal["keys", "speaker"]
 
+    @property
+    def layout(self) -> Layout:
+        """Layout of the vest."""
+        return self.config.vest.layout or DEFAULT_LAYOUT[self.config.session.preset]
+
 
 def measure_motors(
     wanted: Bursts, motors: tuple[int, ...], microphone: str | None, keep: Path | None
@@ -156,7 +161,7 @@ def measure_motors(
     """Play and record the bursts of each motor; recording and log are kept in the folder ``keep``, if any."""
     for motor in motors:
         if len(motors) > 1 and sys.stdin.isatty():
-            text = f"Tape the microphone onto motor {motor} ({motor_place(motor)}), then Enter"
+            text = f"Tape the microphone onto motor {motor} ({motor_place(motor, wanted.layout)}), then Enter"
             click.prompt(text, default="", show_default=False, prompt_suffix=" ", err=True)
         with Microphone(microphone) as ear:
             log = play_log(wanted, motor)
@@ -173,7 +178,6 @@ def play_log(wanted: Bursts, motor: int) -> OnsetLog:
     config = wanted.config
     if config.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
-    layout = config.vest.layout or DEFAULT_LAYOUT[config.session.preset]
     made, worn = utc_now(), worn_vest(config.vest, dose_file(config.calibration))
     with CtrlC() as stop, _clicker(wanted.sync, stop) as clicks, worn as vest:
         opened: Any = watched_vest(vest)
@@ -182,7 +186,7 @@ def play_log(wanted: Bursts, motor: int) -> OnsetLog:
             bursts_s, unsent = play_bursts(
                 opened,
                 motor,
-                layout=layout,
+                layout=wanted.layout,
                 percent=wanted.percent,
                 bursts=wanted.bursts,
                 clock=SystemClock(),
@@ -201,7 +205,7 @@ def play_log(wanted: Bursts, motor: int) -> OnsetLog:
         made=made,
         driver=info.driver,
         device=device_name(info),
-        layout=layout,
+        layout=wanted.layout,
         motor=motor,
         percent=wanted.percent,
         on_s=BURST_S,

@@ -29,7 +29,7 @@ from tega.devices.base import BudgetedVest
 from tega.devices.vest.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError, DtypeError, InvalidValueError, ShapeError
 from tega.haptics import FeltMap, MotorLevels, vest_frame
-from tega.haptics.motor_layout import find_layout
+from tega.haptics.motor_layout import Motor, MotorLayout, find_layout
 from tega.loop.inbox.reader import Reader
 from tega.loop.inbox.stream import LiveStream, PulledStream
 from tega.loop.outputs import VestOutput
@@ -43,6 +43,8 @@ from tega.records.bus import Bus
 from tega.runtime.clock import SystemClock
 from tega.runtime.files.toml_text import tree_text
 from tega.runtime.threads import Bell
+from tega.setup.calibration.identify import Pulses
+from tega.setup.calibration.sitting import Times
 from tega.stages.base import VestSetup
 from tega.stages.pulses import PulsesMapping, PulsesOptions
 from tega_emulators.lab import PRESSED, emulated_lab, pressing
@@ -277,6 +279,15 @@ def test_what_nobody_can_feel_is_refused(how: dict[str, Any], error: type[Except
         FeltMap(**how)
 
 
+def test_a_person_is_asked_about_the_columns_that_a_layout_has(monkeypatch: pytest.MonkeyPatch) -> None:
+    belt = MotorLayout("belt", "four motors", [Motor("front", 0, column, column) for column in range(4)])
+    monkeypatch.setattr("tega.runtime.features.find_plugin", lambda *_: None)
+    monkeypatch.setattr("tega.runtime.features.load_plugin", lambda *_: belt)
+    vest: Any = None
+    pulses = Pulses(vest, layout="belt", ceiling=9, times=Times())
+    assert pulses.sites(each_motor=False) == ("f1", "f2", "f3", "f4")
+
+
 def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(tmp_path, capsys) -> None:
     out = tmp_path / "v.csv"
     words = ["--set", "vest.driver=vest-recorder", "--set", f"vest.options.file={out}", "--seconds", "0.2"]
@@ -288,9 +299,12 @@ def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(tmp_pat
     header, *rows = [line.split(",") for line in out.read_text().splitlines()]
     lit = [{h for h, v in zip(header[1:], row[1:], strict=True) if v != "0"} for row in rows]
     assert lit == [*[{"m3"}] * 5, set(), *[{"m36"}] * 5, set()]
-    _, err = call(capsys, "vest", "identify", *words, "--set", "vest.layout=x16", "--motor", 4, code=1)
-    assert "motor 4 is not one of layout 'x16'" in err
-    assert "it has 0, 1, 2, 3, 8" in err
+    words += ["--set", "vest.layout=x16"]
+    text, _ = call(capsys, "vest", "identify", *words, "--motor", 9)
+    assert text == "motor  9: front, row 2 of 2 from the top, column 2 of 4 from the wearer's left\n"
+    text, err = call(capsys, "vest", "identify", *words, "--motor", 9, "--motor", 4, code=1)
+    assert "motor 4 is not one of layout 'x16'; it has 0, 1, 2, 3, 8" in err.replace("\nhint: ", "; ")
+    assert text == "", "refused before a motor vibrates"
     assert (
         "hint: for example --set vest.driver=bhaptics-player" in call(capsys, "vest", "identify", code=1)[1]
     )

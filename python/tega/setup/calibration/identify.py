@@ -11,6 +11,7 @@ from tega.config.calibration.wearing import SITES, site_motors, site_place
 from tega.devices.base import VestSink
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
+from tega.haptics.motor_layout import find_layout
 from tega.runtime.clock import Clock, SystemClock
 from tega.setup.calibration.sitting import Times
 from tega.setup.calibration.staircase import LEVEL_PERCENT
@@ -18,17 +19,20 @@ from tega.setup.calibration.staircase import LEVEL_PERCENT
 _PERIOD_NS = 50_000_000  # well within a vest's watchdog
 
 
-def motor_place(motor: int) -> str:
-    """Say where a motor, 0 to 39, is felt.
+def motor_place(motor: int, layout: Layout) -> str:
+    """Say where a motor, by its number, is felt; ``InvalidValueError`` if the layout has no such motor.
 
     Example:
-        >>> motor_place(23)
-        "back, row 1 of 5 from the top, column 4 of 4 from the wearer's left"
+        >>> motor_place(31, "x16")
+        "back, row 2 of 2 from the top, column 4 of 4 from the wearer's left"
     """
-    panel, place = divmod(motor, 20)
-    row, column = divmod(place, 4)
-    side = ("front", "back")[panel]
-    return f"{side}, row {row + 1} of 5 from the top, column {column + 1} of 4 from the wearer's left"
+    table = find_layout(layout)
+    for face, row, column, number, _ in table.motors:
+        if number == motor:
+            place = f"row {row + 1} of {table.rows(face)} from the top, column {column + 1}"
+            return f"{face}, {place} of {table.columns(face)} from the wearer's left"
+    known = ", ".join(map(str, table.numbers))
+    raise InvalidValueError(f"motor {motor} is not one of layout {layout!r}", f"it has {known}")
 
 
 def light_motor(
@@ -45,15 +49,10 @@ def light_motor(
     """Drive one motor of an open vest for a while, then none.
 
     ``motor`` is an index as in :attr:`tega.haptics.MotorLevels.motors`; the rest is as in :func:`show_frame`.
-    Raises ``InvalidValueError`` if the layout has no such motor, or ``percent`` is 0.
+    Raises ``InvalidValueError`` if the layout has no such motor.
     """
-    silent = vest_frame([0] * 4, [0] * 4, layout=layout)
-    lit = np.where(silent.motors == motor, np.uint8(percent), np.uint8(0)).astype(np.uint8)
-    if not lit.any():
-        known = ", ".join(str(m) for m in silent.motors)
-        raise InvalidValueError(
-            f"motor {motor} is not one of layout {layout!r} (or percent is 0)", f"it has {known}"
-        )
+    motor_place(motor, layout)
+    lit = np.where(find_layout(layout).numbers == motor, np.uint8(percent), np.uint8(0))
     show_frame(
         vest,
         MotorLevels(layout, lit),
@@ -112,7 +111,10 @@ class Pulses:
 
     def sites(self, *, each_motor: bool) -> tuple[str, ...]:
         """Return the columns, or the motors, that this vest has."""
-        return tuple(f"m{m}" for m in self._silent.motors.tolist()) if each_motor else SITES
+        motors = self._silent.motors
+        if each_motor:
+            return tuple(f"m{m}" for m in motors.tolist())
+        return tuple(site for site in SITES if np.isin(motors, site_motors(site)).any())
 
     def one(self, site: str, level: int) -> None:
         """Vibrate once; level 0 takes as long and does nothing."""

@@ -70,7 +70,8 @@ class VestSteps:
                 "the back, 1 at your own left"
             )
             places = {}
-            for site in random.Random(self._seed).sample(SITES, len(SITES)):
+            sites = pulses.sites(each_motor=False)
+            for site in random.Random(self._seed).sample(sites, len(sites)):
                 with pulses.silence():
                     places[site] = self._requested(
                         "Where?", answers, partial(pulses.one, site, pulses.ceiling)

@@ -43,7 +43,7 @@ def identify(
     mirrored, set front_mirror (bhaptics-ble). The person's own values (threshold, step, mirror) are not applied.
     """
     from tega.config import DEFAULT_LAYOUT, load_config
-    from tega.haptics import vest_frame
+    from tega.haptics.motor_layout import find_layout
     from tega.loop.worn_vest import dose_file, worn_vest
     from tega.runtime.clock import SystemClock
     from tega.safety.stop import CtrlC
@@ -53,12 +53,12 @@ def identify(
     if settings.vest.driver is None:
         raise ConfigError("no vest: vest.driver is not set", "for example --set vest.driver=bhaptics-player")
     layout = settings.vest.layout or DEFAULT_LAYOUT[settings.session.preset]
-    every = vest_frame([0] * 4, [0] * 4, layout=layout).motors.tolist()
+    places = [(motor, motor_place(motor, layout)) for motor in motors or find_layout(layout).numbers.tolist()]
     with CtrlC() as stop, worn_vest(settings.vest, dose_file(settings.calibration)) as vest:
         for note in vest.info.notes:
             click.echo(f"note: {note}", err=True)
-        for motor in motors or every:
-            click.echo(f"motor {motor:>2}: {motor_place(motor)}")
+        for motor, place in places:
+            click.echo(f"motor {motor:>2}: {place}")
             light_motor(
                 vest,
                 motor,
