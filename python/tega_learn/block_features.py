@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.emg import ButterworthLowpass, InputKind
+from tega.emg.levels import hold_last
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.runtime.leading_axes import as_array
 
@@ -101,7 +102,8 @@ class Blocks:
             return []
         good = np.abs(given) < _LARGEST  # not so for NaN
         if not good.all():
-            given = self._filled(given, good)
+            self.held_samples += (~good).sum(axis=0)
+            given = hold_last(given, good, self._last)[0][1:]
         self._last = given[-1].copy()
         n_before = len(self._waiting)
         if self._offset is not None:
@@ -131,15 +133,6 @@ class Blocks:
         if self._offset is not None:
             self._waiting_raw = flat[rest:].copy()
         return blocks
-
-    def _filled(self, given: NDArray[np.float64], good: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Return the samples with each bad one replaced by the channel's last good one."""
-        self.held_samples += (~good).sum(axis=0)
-        padded = np.concatenate([self._last[np.newaxis], given])
-        known = np.concatenate([np.ones((1, self._channels), bool), good])
-        newest = np.maximum.accumulate(np.where(known, np.arange(len(padded))[:, np.newaxis], 0), axis=0)
-        filled: NDArray[np.float64] = np.take_along_axis(padded, newest, axis=0)[1:]
-        return filled
 
 
 def block_features(samples: NDArray[np.float64], features: tuple[str, ...]) -> NDArray[np.float64]:

@@ -235,10 +235,12 @@ def _ranks(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the correlation of two series, float64 ``(k,)``; NaN where one does not change."""
+    """Return the correlation of two series, float64 ``(k,)``; NaN for fewer than three values, or a constant series."""
+    if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
+        return float("nan")
     dx, dy = x - x.mean(), y - y.mean()
-    scale = float(np.sqrt((dx @ dx) * (dy @ dy)))
-    return float(dx @ dy) / scale if scale > 0 else float("nan")
+    scale = float(np.sqrt(dx @ dx) * np.sqrt(dy @ dy))
+    return min(max(float(dx @ dy) / scale, -1.0), 1.0) if scale > 0 else float("nan")
 
 
 def _false_closings(reported: NDArray[np.float64], wanted: NDArray[np.float64], block_s: float) -> float:

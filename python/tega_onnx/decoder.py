@@ -15,9 +15,6 @@ from tega.records import Intent
 from tega.stages.base import Decoder, MuscleSetup, StageOptions
 from tega_onnx.model import Ahead, EmgInput, OnnxModel
 
-# Of a maximum: larger samples are faults, and float32 would not hold the largest.
-_MOST_SHARE = 1e6
-
 
 class OnnxDecoderOptions(StageOptions, frozen=True):
     """Options of the decoder ``onnx``.
@@ -79,7 +76,7 @@ class OnnxDecoder(Decoder):
 
     def _intent(self, t_ns: int) -> Intent:
         shares = self._window / self._maxima
-        good = (np.abs(shares) <= _MOST_SHARE).all(axis=0)
+        good = (np.abs(shares) <= 1e6).all(axis=0)  # no muscle gives more, and float32 has an end
         # A faulty window is no input: its result would come when the faulty samples have left the window.
         if good.all() and self._n >= len(self._window) and self._ahead.wants(t_ns):
             given = shares.T[None].astype(np.float32)

@@ -9,6 +9,7 @@ from itertools import product
 import msgspec
 import numpy as np
 
+from tega_learn.score import pearson
 from tega_study.compare import SMALLEST_FOR_P
 from tega_study.coupling import (
     GRID_HZ,
@@ -21,7 +22,6 @@ from tega_study.coupling import (
     lag_sweep,
     on_grid,
     other_trials,
-    pearson,
     response_slope,
     transitions,
 )

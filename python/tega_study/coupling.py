@@ -21,6 +21,7 @@ from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import read_words
 from tega.runtime.files.whole_file import write_whole
 from tega.runtime.lifecycle import scipy_stats
+from tega_learn.score import pearson
 
 GRID_HZ = 10.0
 """Rate at which courses are compared: a pose lasts at least a tenth of a second, so more would add no information."""
@@ -91,14 +92,6 @@ def on_grid(course: TouchCourse) -> TouchCourse:
         np.add.reduceat(course.eda, start) / counts if len(start) else course.eda,
         course.pose[last] if len(start) else course.pose,
     )
-
-
-def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
-    """Return the correlation; NaN with fewer than three samples or where a series does not change."""
-    if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
-        return math.nan
-    a, b = x - x.mean(), y - y.mean()
-    return float(np.clip(a @ b / math.sqrt(float(a @ a) * float(b @ b)), -1, 1))
 
 
 def effective_n(x: NDArray[np.float64], y: NDArray[np.float64], *, lags: int) -> float:

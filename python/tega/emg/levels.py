@@ -55,6 +55,17 @@ def _rows(samples: ArrayLike, channels: int | None) -> NDArray[np.float64]:
     return np.ascontiguousarray(array, np.float64)
 
 
+def hold_last(
+    samples: NDArray[np.float64], good: NDArray[np.bool_], last: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return ``last`` and the samples, each bad one replaced by its channel's last good one, and the rows of these."""
+    numbers = np.arange(1, len(samples) + 1)[:, np.newaxis]
+    rows = np.maximum.accumulate(
+        np.vstack([np.zeros(len(last), np.int64), np.where(good, numbers, 0)]), axis=0
+    )
+    return np.take_along_axis(np.vstack([last, samples]), rows, axis=0), rows
+
+
 class ButterworthLowpass:
     """A causal Butterworth low-pass that keeps its state between calls.
 
@@ -353,5 +364,4 @@ def channel_maxima(
     def maxima(rows: ArrayLike) -> NDArray[np.float64]:
         return _native.channel_maxima(_rows(rows, None), rate_hz, tau, kind, percentile)
 
-    several = as_array(samples)
-    return maxima(several) if several.ndim < 3 else each_item(maxima, several, item_axes=2)
+    return each_item(maxima, as_array(samples), item_axes=2)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tega.config.calibration import EmgMaxima, TouchMaxima
 from tega.devices.base import EmgSource
 from tega.emg import channel_maxima
+from tega.emg.levels import hold_last
 from tega.errors import CalibrationError, ConfigError
 from tega.loop.inbox.reader import READ_TIMEOUT_S
 from tega.records import Contact
@@ -114,7 +115,5 @@ def held_samples(samples: NDArray[np.float64]) -> NDArray[np.float64]:
     good = np.isfinite(samples)
     if good.all():
         return samples
-    rows = np.where(good, np.arange(len(samples))[:, None], -1)
-    last_good = np.maximum.accumulate(rows, axis=0)
-    first_good = np.argmax(good, axis=0)
-    return np.take_along_axis(samples, np.where(last_good < 0, first_good, last_good), axis=0)
+    first_good = np.take_along_axis(samples, good.argmax(axis=0)[np.newaxis], axis=0)
+    return hold_last(samples, good, first_good[0])[0][1:]

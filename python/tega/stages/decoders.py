@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tega.emg import Fusion, GraspIntent
+from tega.emg.levels import hold_last
 from tega.errors import InvalidValueError
 from tega.records import Intent
 from tega.runtime.lifecycle import require
@@ -22,9 +23,6 @@ _HIGHEST_SHARE: Final = 0.45
 _ORDER: Final = 4
 _MAINS_HZ: Final = (50.0, 60.0)
 _NOTCH_Q: Final = 30.0
-# As in the filters of tega.emg.levels.
-_GAP_S: Final = 0.1
-_LARGEST: Final = 1e300
 
 
 class EmgBand:
@@ -49,7 +47,7 @@ class EmgBand:
         self._sections: NDArray[np.float64] = np.concatenate(parts)
         self._filter = signal.sosfilt
         self._state = np.zeros((len(self._sections), 2, n_channels))
-        self._gap = math.ceil(_GAP_S * rate_hz)
+        self._gap = math.ceil(0.1 * rate_hz)
         self._last, self._offset = np.zeros(n_channels), np.zeros(n_channels)
         self._missing = np.full(n_channels, self._gap)
 
@@ -57,19 +55,16 @@ class EmgBand:
         """Filter (n, channels); pass on a sample that is no number, and give the filter the one before."""
         if not len(samples):
             return samples
-        held = np.vstack([self._last, samples])
-        known = np.abs(held) <= _LARGEST
-        numbers = np.arange(len(held))[:, None]
-        rows = np.maximum.accumulate(np.where(known, numbers, 0), axis=0)
-        held = np.take_along_axis(held, rows, axis=0)
-        # Samples missing before each, those of earlier calls included.
-        missing = numbers - rows + np.where(rows, 0, self._missing)
-        jumps = np.where(known[1:] & (missing[:-1] >= self._gap), np.diff(held, axis=0), 0.0)
+        known = np.abs(samples) <= 1e300
+        held, rows = hold_last(samples, known, self._last)
+        # Samples missing up to each, those of earlier calls included.
+        missing = np.arange(len(held))[:, None] - rows + np.where(rows, 0, self._missing)
+        jumps = np.where(known & (missing[:-1] >= self._gap), np.diff(held, axis=0), 0.0)
         offsets = np.cumsum(np.vstack([self._offset, jumps]), axis=0)
         self._last, self._missing, self._offset = held[-1], missing[-1], offsets[-1]
         # The band lets no constant through: without its jumps the offset leaves nothing.
         filtered, self._state = self._filter(self._sections, (held - offsets)[1:], axis=0, zi=self._state)
-        return np.where(known[1:], filtered, samples)
+        return np.where(known, filtered, samples)
 
 
 class RulesOptions(StageOptions, frozen=True):
