@@ -44,9 +44,11 @@ def test_rank_correlation_equals_scipys() -> None:
         assert rank_correlation(a, b) == pytest.approx(stats.spearmanr(a, b).statistic, abs=1e-14)
 
 
-def test_a_series_that_never_changes_has_no_correlation_and_no_delay() -> None:
+def test_a_series_that_never_changes_has_no_correlation_no_delay_and_no_changes() -> None:
     assert np.isnan(rank_correlation([1, 1, 1], [1, 2, 3]))
     assert np.isnan(delay_s([1, 1, 1, 1], [1, 2, 1, 1], 0.1))
+    assert changes_per_second([1, 2, 2, 1], 0.5) == 1.0
+    assert changes_per_second([3], 0.1) == changes_per_second([], 0.1) == 0.0
 
 
 @pytest.mark.parametrize("blocks", [-3, -1, 0, 1, 2, 5])
@@ -54,12 +56,6 @@ def test_a_shifted_series_is_late_by_the_shift(blocks: int) -> None:
     levels = np.repeat(np.random.default_rng(6).integers(1, 6, 40), 4)
     shifted = np.roll(levels, blocks)
     assert delay_s(shifted, levels, 0.1) == pytest.approx(0.1 * blocks, abs=0.005)
-
-
-def test_changes_are_counted_per_second() -> None:
-    assert changes_per_second([1, 2, 2, 1], 0.5) == 1.0
-    assert changes_per_second([3], 0.1) == 0.0
-    assert changes_per_second([], 0.1) == 0.0
 
 
 def test_a_force_counted_downwards_is_followed_the_other_way_round() -> None:

@@ -143,11 +143,6 @@ def test_levels_are_settings_and_go_through_the_wearers_thresholds() -> None:
     sets = ["stages.mapping.name=pulses", "stages.mapping.options.contact=120"]
     with pytest.raises(ConfigError, match="contact"):
         load_config(None, environ={}, sets=sets)
-    with pytest.raises(
-        ConfigError,
-        match=r"vest\.feedback was taken out in 0\.2: a mapping replaced it; set stages\.mapping\.name",
-    ):
-        load_config(None, environ={}, sets=["vest.feedback=events"])
 
 
 @pytest.mark.slow

@@ -80,7 +80,6 @@ WRONG = [
     ),
     ("[vest]\nlayout = 'x41'", r'lab\.toml:2: vest\.layout = "x41" is not known'),
     ("[stages.metrics]\nname = 'paper'", r"stages\.metrics: unknown key; did you mean 'metric'"),
-    ("[vest]\npulses = { contact = 40 }", r"lab\.toml:2: vest\.pulses was taken out in 0\.2"),
     ("[[stages.beside]]\ngroup = 'metric'\nname = 'reding'", r"beside\[0\]\.name: no metric .* did you mean 'reading'"),
     (
         "[[stages.beside]]\ngroup = 'metric'\nname = 'reading'\noptions = { factr = 1 }",

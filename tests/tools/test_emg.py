@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from tega.emg import BlockMean, ButterworthLowpass, GraspIntent, channel_maxima, fuse_levels, grasp_level
+from tega.emg.votes import ChannelVotes
 from tega.errors import CalibrationError, DtypeError, InvalidValueError, ShapeError
 
 RATES_HZ = [200.0, 250.0, 500.0, 1e3, 2e3, 1e4, 3e4, 1e5, 1e6]
@@ -96,9 +97,7 @@ def test_nothing_in_gives_nothing_out() -> None:
     assert intent.process(np.empty((0, 2))).shape == (0,)
     assert intent.levels.shape == (0, 2)
     assert intent.maxima.tolist() == [1.6, 3.2]  # live takes four fifths
-
-
-def test_block_mean_learns_its_channels_from_the_first_call() -> None:
+    # Left out, the channels are those of the first call.
     blocks = BlockMean(2)
     assert blocks.channels is None
     assert blocks.process([[1.0, 2.0], [3.0, 4.0]]).tolist() == [[2.0, 3.0]]
@@ -107,37 +106,21 @@ def test_block_mean_learns_its_channels_from_the_first_call() -> None:
         blocks.process(np.zeros((1, 3)))
 
 
-@pytest.mark.parametrize(
-    ("samples", "error", "text"),
-    [
-        *((np.zeros(shape), ShapeError, "channels, expected 3") for shape in ((4, 2), (4, 4), (4, 0))),
-        *((np.zeros(shape), ShapeError, r"expected \(n, 3\)") for shape in ((4,), (2, 3, 1), ())),
-        *((np.zeros((4, 3), kind), DtypeError, "expected float64") for kind in ("c16", "?", "O", "U3")),
-    ],
-)
-def test_a_wrong_shape_or_type_is_refused(samples: Any, error: type[Exception], text: str) -> None:
-    for process in (ButterworthLowpass(200).process, GraspIntent(200, [1.0] * 3, tau=20).process):
-        with pytest.raises(error, match=text):
-            process(samples)
-
-
 INTENT: dict[str, Any] = {"rate_hz": 200, "maxima": [1.0], "tau": 20}
+LOWPASS: dict[str, Any] = {"rate_hz": 200.0}
 MAXIMA: dict[str, Any] = {"samples": np.full((400, 2), 512.0), "rate_hz": 200, "tau": 20}
 GAP = np.where(np.arange(400)[:, np.newaxis] * [0, 1] == 7, np.nan, 1.0)
 MASKED = np.ma.masked_invalid(GAP)
+OTHER_CHANNELS = tuple(np.zeros(shape) for shape in ((4, 2), (4, 4), (4, 0)))
+OTHER_SHAPES = tuple(np.zeros(shape) for shape in ((4,), (2, 3, 1), ()))
+OTHER_TYPES = tuple(np.zeros((4, 3), kind) for kind in ("c16", "?", "O", "U3"))
+PROCESSES = (ButterworthLowpass(200).process, GraspIntent(200, [1.0] * 3, tau=20).process)
 NO_CUTOFF = r"cutoff_hz = .* rate_hz = "
 REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], str]] = [
     (ButterworthLowpass, {}, "rate_hz", (0.0, -200.0, np.nan, np.inf), InvalidValueError, "rate_hz"),
-    (ButterworthLowpass, {"rate_hz": 200.0}, "order", (-1, 0, 9), InvalidValueError, "order"),
-    (ButterworthLowpass, {"rate_hz": 200.0}, "channels", (-1, 0, 1025), InvalidValueError, "channels"),
-    (
-        ButterworthLowpass,
-        {"rate_hz": 200.0},
-        "cutoff_hz",
-        (0.0, 99.9999, np.nan),
-        InvalidValueError,
-        NO_CUTOFF,
-    ),
+    (ButterworthLowpass, LOWPASS, "order", (-1, 0, 9), InvalidValueError, "order"),
+    (ButterworthLowpass, LOWPASS, "channels", (-1, 0, 1025), InvalidValueError, "channels"),
+    (ButterworthLowpass, LOWPASS, "cutoff_hz", (0.0, 99.9999, np.nan), InvalidValueError, NO_CUTOFF),
     (BlockMean, {}, "tau", (-5, 0, 10_000_001), InvalidValueError, "tau"),
     (GraspIntent, INTENT, "tau", (-5, 0, 10_000_001), InvalidValueError, "tau"),
     (GraspIntent, INTENT, "kind", ("cooked",), InvalidValueError, "kind"),
@@ -161,6 +144,17 @@ REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], 
     (channel_maxima, MAXIMA, "samples", (GAP, MASKED), CalibrationError, "sample 7 of channel 2"),
     (channel_maxima, MAXIMA, "samples", (np.empty((400, 0)),), InvalidValueError, "channels"),
     (channel_maxima, MAXIMA, "percentile", (-1.0, 100.1, np.nan), InvalidValueError, "percentile"),
+    (
+        ChannelVotes(200, 20, "envelope", ["a"], [1.0]).take,
+        {},
+        "samples",
+        OTHER_CHANNELS,
+        ShapeError,
+        "have shape",
+    ),
+    *((one, {}, "samples", OTHER_CHANNELS, ShapeError, "channels, expected 3") for one in PROCESSES),
+    *((one, {}, "samples", OTHER_SHAPES, ShapeError, r"expected \(n, 3\)") for one in PROCESSES),
+    *((one, {}, "samples", OTHER_TYPES, DtypeError, "expected float64") for one in PROCESSES),
 ]
 
 

@@ -19,7 +19,6 @@ from tega.config.choose import muscle_setup
 from tega.devices.base import EmgChunk
 from tega.emg import InputKind, Preset, channel_maxima
 from tega.emg.votes import ChannelVotes
-from tega.errors import ShapeError
 from tega.loop.inbox.sources import BlockMeter, SourceReport
 from tega.records import Intent
 from tega.runtime.files.signals import read_signals
@@ -92,11 +91,6 @@ def test_mains_that_move_nothing_are_left_alone() -> None:
     blocks, report = levels(np.concatenate([squeeze(500), hum(500, size=5.0)]))
     assert report.faults == ()
     assert blocks[-1].level == 1
-
-
-def test_samples_of_another_number_of_channels_are_refused() -> None:
-    with pytest.raises(ShapeError):
-        ChannelVotes(RATE_HZ, TAU, "envelope", ["a"], [100.0]).take(np.zeros((5, 2)))
 
 
 def read_all(folder: Path) -> Iterator[tuple[str, InputKind, float, Samples]]:

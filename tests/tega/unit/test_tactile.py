@@ -178,10 +178,7 @@ def test_middle_spread_and_area_are_scaled_alike(shape: tuple[int, int]) -> None
     assert contact.area_mm2 == pytest.approx(contact.eda * mm**2)
     assert contact.spread_mm == pytest.approx(contact.spread * mm)
     assert contact.centroid_mm == pytest.approx([(at + 0.5) * mm for at in contact.centroid_xy])
-
-
-def test_without_a_scale_there_are_no_millimetres() -> None:
-    contact = pressed(None, (320, 240))
+    contact = pressed(None, shape)  # without a scale
     assert (contact.area_mm2, contact.centroid_mm, contact.spread_mm) == (None, None, None)
 
 
