@@ -78,6 +78,7 @@ WRONG = [
         "[stages.decoder.options]\nfusion = 'mean'",
         r"lab\.toml:2: stages\.decoder\.options\.fusion = 'mean': not one of the choices; one of: floor, round, median",
     ),
+    ('format = "tega-calibration"\npreset = "live"', r"lab\.toml: a tega-calibration file, no settings"),
     ("[vest]\nlayout = 'x41'", r'lab\.toml:2: vest\.layout = "x41" is not known'),
     ("[stages.metrics]\nname = 'paper'", r"stages\.metrics: unknown key; did you mean 'metric'"),
     ("[[stages.beside]]\ngroup = 'metric'\nname = 'reding'", r"beside\[0\]\.name: no metric .* did you mean 'reading'"),

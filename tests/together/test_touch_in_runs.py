@@ -148,8 +148,7 @@ def test_full_is_what_a_round_and_a_flat_press_say_together() -> None:
 
 def test_a_place_is_a_share_of_the_pictures_that_the_run_has() -> None:
     config = load_config(None, environ={}, sets=["stages.mapping.name=place"]).config
-    maxima = {"index": TouchMaxima(cci_max=1.0, eda_max=3000.0)}
-    calibration = Calibration(preset="live", origin="", tactile=maxima)
+    calibration = Calibration(preset="live", origin="", tactile={"index": TouchMaxima(eda_max=3000.0)})
     loop = touch_loop(config, calibration, {"index": np.zeros((480, 640, 3), np.uint8)})
     loop.update("index", msgspec.structs.replace(touching(3000), centroid_xy=(0.0, 479.0)))
     assert loop.frame(0).intensities.reshape(2, 5, 4).any(axis=(0, 2)).tolist() == [False] * 4 + [True]

@@ -139,6 +139,8 @@ def read_settings(path: Path) -> tuple[dict[str, Any], dict[str, int]]:
         raise ConfigError(message, "save it as UTF-8") from error
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path.name}: not valid TOML: {error}", toml_hint(text, error)) from error
+    if str(tree.get("format", "")).startswith("tega-"):
+        raise ConfigError(f"{path.name}: a {tree['format']} file, no settings", "name the settings instead")
     if (changed := swallowed_escape(tree)) is not None:
         key, value = changed
         raise ConfigError(f"{path.name}: {key} = {value!r} has a control character in it", ESCAPES)

@@ -66,8 +66,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     unmeasured = [name for name, f in prepared.fingers.items() if f.stream is None and f.measured is None]
     metrics = {name: _metric(rig, name) for name in unmeasured}
     fed = {name: is_fed(finger, partial(_metric, rig, name)) for name, finger in prepared.fingers.items()}
-    baselines = {name: finger.baseline for name, finger in prepared.fingers.items()}
-    touch = touch_loop(config, prepared.calibration, baselines)
+    touch = touch_loop(config, prepared.calibration, {n: f.baseline for n, f in prepared.fingers.items()})
     if rig.bus.wants(Snapshot) or rig.bus.wants(Event):
         touch.find_events()
     start_ns = pacer.start()

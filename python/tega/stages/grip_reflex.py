@@ -129,7 +129,6 @@ class GripReflex(Reflex):
         if o.most_force_n > 0:
             forces_n = [math.nan if c.force_n is None else c.force_n for c in touching]
             known_n = [force_n for force_n in forces_n if not math.isnan(force_n)]
-            # A force that nobody measures may be too much.
             most_n = max([*known_n, o.most_force_n if len(known_n) < len(forces_n) else 0.0])
             left = (o.most_force_n - most_n) / (_MARGIN * o.most_force_n)
             if left < room:

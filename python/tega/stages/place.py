@@ -14,8 +14,8 @@ from tega.records import Contact
 from tega.stages.base import StageOptions, VestSetup
 from tega.stages.slip_row import SlipRowMapping, SlipRowOptions
 
+# Width and height of an upright DIGIT's picture, for a finger whose pictures are unknown.
 DIGIT_PX: Final = (240, 320)
-"""Width and height of an upright DIGIT's picture, for a finger whose pictures are unknown."""
 
 _Pixels = Annotated[int, msgspec.Meta(ge=8, le=8192)]
 
