@@ -239,7 +239,7 @@ def pearson(x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
     if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return float("nan")
     dx, dy = x - x.mean(), y - y.mean()
-    scale = float(np.sqrt(dx @ dx) * np.sqrt(dy @ dy))
+    scale = float(np.sqrt((dx @ dx) * (dy @ dy)))
     return min(max(float(dx @ dy) / scale, -1.0), 1.0) if scale > 0 else float("nan")
 
 
