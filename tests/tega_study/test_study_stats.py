@@ -172,7 +172,7 @@ def test_correlation_of_a_slow_course() -> None:
     assert fisher_mean([0.9, 0.8, 0.7]) == close(0.816439328634)
     assert fisher_mean([0.9, math.nan]) == close(0.9)
     # Rounded, the mean of a constant is not always the constant.
-    assert math.isnan(pearson(np.full(40, 0.1), TOUCH))
+    assert math.isnan(pearson(np.full(7, 0.1), TOUCH[:7]))
 
 
 def test_somebody_who_answers_has_another_slope_though_not_another_correlation() -> None:
