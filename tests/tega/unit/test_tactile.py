@@ -90,7 +90,7 @@ def test_what_is_not_a_frame_is_refused_by_name(read, frame, error, words) -> No
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"weights": (0.3, 0.3, 0.3)}, ["0.3", "add up to 0.9", "not renormalised"]),
+        ({"weights": [0.3, 0.3, 0.3]}, ["0.3", "add up to 0.9", "not renormalised"]),
         ({"weights": (math.nan, 0.5, 0.5)}, ["weights", "NaN", "finite"]),
         ({"factor": math.inf}, ["factor", "finite"]),
         ({"order": "gbr"}, ["order", "'gbr'", "'bgr' or 'rgb'"]),
