@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -81,7 +82,12 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [(["walk"], "No such command 'walk'"), (["replay"], "--out"), (["verify", "a\0b"], "a NUL character")],
+    [
+        (["walk"], "No such command 'walk'"),
+        (["replay"], "--out"),
+        (["run", "x", "--view-address", ""], "no address"),
+        (["verify", "a\0b"], "a NUL character"),
+    ],
 )
 def test_wrong_use_ends_with_code_2(capsys, words, message):
     _, err = call(capsys, *words, code=2)
@@ -184,11 +190,19 @@ def test_a_folder_of_tables_is_no_recording(tmp_path, capsys, monkeypatch, verb)
         assert "--record" in err
 
 
-@pytest.mark.parametrize("name", ["x.xyz", "x", "x.svg"])
-def test_a_picture_that_is_no_png_is_refused_before_the_work(tmp_path, capsys, name):
+@pytest.mark.parametrize(
+    ("name", "problem"),
+    [
+        ("x.xyz", "name it x.png"),
+        ("x", "name it x.png"),
+        ("no/x.svg", "x.png"),
+        ("file/x.png", "in its folder"),
+    ],
+)
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys, name, problem):
+    (tmp_path / "file").touch()
     for verb in ("audit", "verify", "replay"):
-        _, err = call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)
-        assert "name it x.png" in err
+        assert problem in call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)[1]
 
 
 def test_a_contract_of_no_driver_and_no_stage(capsys: pytest.CaptureFixture[str]) -> None:
@@ -295,6 +309,17 @@ def test_without_matplotlib_there_are_words_and_the_line_that_installs_it(
     # Who asks for the picture gets it or no run at all.
     _, noted = call(capsys, *words, "--picture", tmp_path / "mine.png", code=3)
     assert "[pictures]'" in noted
+
+
+def test_an_output_that_is_closed_or_lacks_characters_ends_nothing(session, capsys):
+    def printed(words: str) -> str:
+        environ = os.environ | {"PYTHONIOENCODING": "cp1252"}
+        line = f"{sys.executable} -m tega.ui.cli {words}"
+        return subprocess.check_output(line, shell=True, env=environ, encoding="cp1252")
+
+    assert "\\u03c9 of Eq 1" in printed("stages")
+    assert json.loads(printed("stages --json")) == json.loads(call(capsys, "stages", "--json")[0])
+    assert "times real time" in printed(f"run {session} --set session.pace=fast 2>&-")
 
 
 def test_a_session_is_told_and_drawn(lossless, tmp_path, capsys):

@@ -50,6 +50,7 @@ def test_every_earlier_name_stands_for_a_verb() -> None:
 def test_the_example_of_a_verb_is_one_of_its_own_calls(name: str) -> None:
     text = VERBS[name].epilog or ""
     assert text.startswith("Example: tega-teleop ")
+    assert VERBS[name].get_help(click.Context(VERBS[name], terminal_width=40)).endswith(f"\n  {text}")
     words = shlex.split(text.removeprefix("Example: tega-teleop ").partition(", or ")[0].partition("; ")[0])
     command: click.Command = cli
     called: list[str] = []

@@ -9,6 +9,7 @@ import sys
 import traceback
 from collections.abc import Sequence
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Any
 
 import click
@@ -74,6 +75,17 @@ _EARLIER = {
     "forward": "arm forward",
 }
 _GROUPS = ("Start", "Prepare", "Examine", "Two machines", "Groups")
+
+
+class _Help(click.HelpFormatter):
+    def write_text(self, text: str) -> None:
+        if text.startswith("Example: "):  # one line whatever the width: of several, each would be a command
+            self.write(f"{'':{self.current_indent}}{text}\n")
+        else:
+            super().write_text(text)
+
+
+click.Context.formatter_class = _Help
 
 
 class _Verbs(GuestGroup):
@@ -177,6 +189,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
         words[:1] = now.split()
     show_warnings(_warn)
+    _ready_streams()
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
@@ -210,6 +223,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
         _notify(problem, f"run again with --debug and report it{whom}", debug=debug)
         sys.exit(EXIT_FAILED)
     sys.exit(result if isinstance(result, int) else 0)
+
+
+def _ready_streams() -> None:
+    """Have an output that is closed swallow text, and one of another encoding than UTF-8 escape what it lacks."""
+    for name in ("stdout", "stderr"):
+        if (stream := getattr(sys, name)) is None:
+            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115  # as long as the program
+        elif stream.errors == "strict":
+            stream.reconfigure(errors="backslashreplace")
 
 
 def _author(error: BaseException) -> str:

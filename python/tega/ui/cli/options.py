@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any, Final, TypeVar
 from urllib.parse import urlsplit
 
@@ -73,18 +74,23 @@ class FiniteRange(click.FloatRange):
 
 
 class PngPath(click.Path):
-    """PNG file to write."""
+    """PNG file to write, in a folder that is made now: after the work would be too late to refuse it."""
 
     def __init__(self) -> None:
         super().__init__(dir_okay=False, path_type=Path)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Path:
-        """Return the path, or fail with a usage error if its name does not end in ``.png``."""
+        """Return the path, or fail with a usage error if it is no PNG, or in no folder to write to."""
         path = Path(str(super().convert(value, param, ctx)))
         if path.suffix.lower() != ".png":
             self.fail(
                 f"{path}: pictures are written as PNG; name it {path.with_suffix('.png').name}", param, ctx
             )
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            TemporaryFile(dir=path.parent).close()
+        except OSError as error:
+            self.fail(f"{path}: nothing can be written in its folder: {error.strerror}", param, ctx)
         return path
 
 
@@ -144,7 +150,8 @@ def echo_json(value: Any) -> None:
         ]
     """
     value = json.loads(json.dumps(value), parse_constant=lambda _: None)
-    click.echo(json.dumps(value, indent=2, ensure_ascii=False))
+    # ASCII: valid in whatever encoding the output has, and for names of files that are no UTF-8.
+    click.echo(json.dumps(value, indent=2))
 
 
 def value_text(value: object) -> str:

@@ -30,6 +30,8 @@ _RECORDING_KEPT_S = 300.0
 
 
 def _keep_address(context: click.Context, _option: click.Parameter, value: str | None) -> None:
+    if value == "":  # a shell's variable that is not set: all addresses would be served
+        raise click.BadParameter("it names no address", context, _option)
     context.meta[_ADDRESS] = value
 
 
