@@ -26,6 +26,7 @@ from tega.loop.snapshot import LoopView
 from tega.records import Contact, Intent, NamedValue, SentFrame, VestFrame
 from tega.safety.states import STATES
 from tega.ui.cli.page import address_lines
+from tega.ui.view.same_machine import url_host
 from tega.ui.view.run_state import meaning
 from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 
@@ -220,3 +221,5 @@ def test_the_page_s_address_has_a_line_of_its_own_and_over_ssh_the_command_that_
     assert max(map(len, over)) < 80
     served = address_lines("http://10.0.0.7:8080/t/", {"SSH_CONNECTION": "10.0.0.2 50000 10.0.0.7 22"})
     assert len(served) == 2
+    assert [url_host(one) for one in ("::1", "10.0.0.7")] == ["[::1]", "10.0.0.7"]
+    assert not {url_host("0.0.0.0"), url_host("::")} & {"0.0.0.0", "[::]"}

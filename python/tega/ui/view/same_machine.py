@@ -77,6 +77,17 @@ def _drop(oldest: Any) -> None:
         oldest.transport.abort()
 
 
+def url_host(host: str) -> str:
+    """Return the host of a URL: of a server at all addresses, the one by which other machines reach this one."""
+    if host in {"0.0.0.0", "::"}:
+        family, other = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
+        host = socket.gethostname()
+        with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as way:
+            way.connect((other, 9))  # sends nothing: the system only chooses the address to send from
+            host = way.getsockname()[0]
+    return f"[{host}]" if ":" in host else host
+
+
 def hidden_address() -> str:
     """Return a loopback address that no page can guess, where the system has more than one; else ``127.0.0.1``."""
     address = ".".join(["127", *(str(1 + secrets.randbelow(254)) for _ in range(3))])

@@ -24,7 +24,7 @@ import websockets.exceptions
 
 from tega.errors import InvalidValueError
 from tega.loop.controls import MotorAnswer
-from tega.ui.view.same_machine import bounded_handshakes, foreign
+from tega.ui.view.same_machine import bounded_handshakes, foreign, url_host
 
 _LOG = logging.getLogger(__name__)
 # A fingertip with a contact in it.
@@ -57,7 +57,7 @@ class LocalServer(viser.ViserServer):
         try_motor: Callable[[int], MotorAnswer] | None = None,
     ) -> None:
         self.token = secrets.token_urlsafe(16)
-        self._url_host = f"[{host}]" if ":" in host else host
+        self._url_host = url_host(host)
         # What a page sends is not the operator's business, who has the terminal.
         warnings.filterwarnings("ignore", r"\[viser\] .* does not match annotation", UserWarning)
         port = _free_port(host, port)
