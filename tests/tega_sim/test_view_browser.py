@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import re
 from contextlib import suppress
 from socket import create_connection
-from typing import cast
+from typing import cast, get_args
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -20,11 +21,21 @@ from reference.moments import SHAPES, Moments
 from reference.processes import until
 from tega.errors import InvalidValueError
 from tega.haptics import vest_frame
+from tega.safety.states import State
 from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.browser.charts import drives
 from tega.ui.view.browser.pictures import EDA_BLUE, GAP, PEAK_GREEN, TILE_HEIGHT, TILE_WIDTH, TouchSheet
 from tega.ui.view.browser.scene import Scene
-from tega.ui.view.browser.state_html import captions_html
+from tega.ui.view.browser.state_html import (
+    PAUSED,
+    arm_html,
+    badge_html,
+    captions_html,
+    lights_html,
+    rates_html,
+    run_state_html,
+    status_html,
+)
 from tega.ui.view.browser.vest import vest_svg
 from tega.ui.view.run_state import ContactLabels, RateMeter
 from tega.ui.view.state import EmgTail, ShapeKind
@@ -116,6 +127,31 @@ def test_a_run_that_stands_still_is_told_to_be_until_it_ends(moments):
         until(lambda: "STOPPED" in view.page.run_state.content)
         assert "no news" not in view.page.run_state.content
         assert "tega-badge" not in view.page.run_state.content
+
+
+def luminance(colour: str) -> float:
+    shares = np.frombuffer(bytes.fromhex(colour), np.uint8) / 255
+    linear = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+def test_every_text_of_the_page_can_be_read_and_a_light_is_told_by_its_shape(moments):
+    state = moments.at(2.5, images=False)
+    late = state._replace(loop=state.loop._replace(alerts=("hand: silent",), fingers=("thumb", "palm")))
+    states = [state.loop._replace(state=name, reason="emg: lost") for name in get_args(State)]
+    texts = [
+        captions_html(one, ContactLabels()) + lights_html(one) + status_html(one) for one in (state, late)
+    ]
+    texts += [run_state_html(one, problem="x") for one in states]
+    texts += [arm_html(state.loop), rates_html({"touch": 1.0}), vest_svg(None), badge_html("PAUSED", PAUSED)]
+    for style in re.findall(r"(?:style=|<text)([^>]*)>", "".join(texts)):
+        inks = re.findall(r'(?<![-\w])(?:color:|fill=")#(\w{6})', style)
+        ground = next(iter(re.findall(r"background:#(\w{6})", style)), "ffffff")
+        for ink in inks:
+            low, high = sorted((luminance(ink), luminance(ground)))
+            assert (high + 0.05) / (low + 0.05) >= 4.5, style
+    assert 'aria-label="well">●</b> hand' in texts[0]
+    assert 'aria-label="fault">▲</b> hand' in texts[1]
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.7", "::", "example.org"])

@@ -25,7 +25,7 @@ from tega.ui.view.browser import BrowserView, Controls
 from tega.ui.view.state import ViewState
 
 # Of the state's badge: of a run that steers, and of one that nothing is heard of.
-GREEN, GREY = "rgb(43, 138, 62)", "rgb(134, 142, 150)"
+GREEN, GREY = "rgb(42, 131, 57)", "rgb(108, 117, 125)"
 
 pytestmark = pytest.mark.slow
 

@@ -22,7 +22,7 @@ _WIDTH = 900
 _PAINT_S: Final = 1 / 20
 _LAST_S = 0.1
 _MOST_LINES = 6
-_COLOURS: Final = {"plain": "#343a40", "good": "#2b8a3e", "warn": "#e67700", "bad": "#c92a2a"}
+_COLOURS: Final = {"plain": "#343a40", "good": "#2a8339", "warn": "#a85400", "bad": "#c92a2a"}
 _TARGET, _FILLED = "#fd8d3c", "#1f5fbf"
 
 

@@ -30,14 +30,14 @@ _LEAST_TOP = {"mm": 0.02, "grey": 1.0}
 # Columns of the vest's picture, about one a pixel.
 _MOST_BINS = 900
 
-CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2e8b3d", "#c8202f"
+CCI_BLUE, EDA_GREEN, POSE_RED = "#1f5fbf", "#2a8339", "#c8202f"
 GHOST_COLOUR: Final = "#1f5fbf"
 """Colour of the hand as commanded."""
 
 FINGER_COLOURS: Final = {"thumb": "#bb5b14", "index": "#2f78c2", "middle": "#38863f", "ring": "#985cb6"}
 """Colour of each finger: legible as text on white, and under black text."""
 
-MUSCLE_COLOURS: Final = ("#0b7285", "#e8590c", "#862e9c")
+MUSCLE_COLOURS: Final = ("#0b7285", "#c2410c", "#862e9c")
 """Colours of the EMG channels, in their order."""
 
 

@@ -38,6 +38,8 @@ from tega.ui.view.state import ViewState
 
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _SHEET = "cameras and touch maps"
+# viser's own red and grey are too light to read white on them.
+_RED, _GREY = (201, 42, 42), (73, 80, 87)
 
 
 class Page:
@@ -75,7 +77,7 @@ class Page:
         gui.main_panel.set_width(_CHART_WIDTH)
         # First of all, and it stays in sight while the panel, or a phone's sheet, is scrolled.
         gui.add_html(STOP_MARK)
-        self._add_button("stop", "Stop", "red", controls.stop)
+        self._add_button("stop", "Stop", _RED, controls.stop)
         self.run_state = gui.add_html("")
         self.lights = gui.add_html("")
         self._phone = gui.add_html("")
@@ -132,7 +134,7 @@ class Page:
                 controls.reflex = event.target.value
 
         if controls.can_pause:
-            pause = self.inputs["pause"] = gui.add_button("Pause", color="gray")
+            pause = self.inputs["pause"] = gui.add_button("Pause", color=_GREY)
 
             @pause.on_click
             def _(event: Any) -> None:
@@ -143,9 +145,9 @@ class Page:
             self._add_button("go", "Go", "green", controls.go)
             self._offer_go(ready=False)
         if controls.undo is not None:
-            self._add_button("undo", "Undo adaptation", "gray", controls.undo)
+            self._add_button("undo", "Undo adaptation", _GREY, controls.undo)
         if controls.rezero is not None:
-            self._add_button("rezero", "New baseline", "gray", controls.rezero)
+            self._add_button("rezero", "New baseline", _GREY, controls.rezero)
 
     def _add_button(self, name: str, label: str, colour: Any, action: Callable[[], None]) -> None:
         button = self.inputs[name] = self._server.gui.add_button(label, color=colour)

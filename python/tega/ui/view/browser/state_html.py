@@ -33,7 +33,7 @@ _AGEING = f"""
 @property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
 @keyframes tega-age {{ to {{ --tega-age: 86400 }} }}
 @keyframes tega-late {{ to {{ visibility: visible; max-height: 3em }} }}
-@keyframes tega-grey {{ to {{ background: #868e96 }} }}
+@keyframes tega-grey {{ to {{ background: #6c757d }} }}
 @keyframes tega-dim {{ to {{ filter: grayscale(1); opacity: 0.6 }} }}
 .tega-lights {{ animation: tega-dim 1ms linear {NO_NEWS_S}s forwards }}
 .tega-late {{ display: block; visibility: hidden; max-height: 0; overflow: hidden; color: #c92a2a; font-weight: bold;
@@ -91,10 +91,10 @@ STYLE: Final = f'<style class="tega-style">{_AGEING}{_STOP}{_PHONE}{_NARROW}</st
 """Style of the whole page, as an HTML element."""
 
 
-_TYPE_COLOURS = {"none": "#868e96", "focal": "#e67700", "broad": "#0b7285", "mixed": "#495057"}
-_GREEN, _ORANGE, _RED = "#2b8a3e", "#e8590c", "#c92a2a"
-_STATE_COLOURS = {"idle": "#e8b500", "armed": "#1098ad", "active": _GREEN, "hold": _ORANGE, "stopped": _RED}
-_ARM_COLOURS = {"idle": "#868e96", "following": _GREEN, "holding": _ORANGE, "stopped": _RED}
+_TYPE_COLOURS = {"none": "#6c757d", "focal": "#a85400", "broad": "#0b7285", "mixed": "#495057"}
+_GREEN, _ORANGE, _RED = "#2a8339", "#c2410c", "#c92a2a"
+_STATE_COLOURS = {"idle": "#946c00", "armed": "#0b7285", "active": _GREEN, "hold": _ORANGE, "stopped": _RED}
+_ARM_COLOURS = {"idle": "#6c757d", "following": _GREEN, "holding": _ORANGE, "stopped": _RED}
 PAUSED: Final = "#495057"
 TILES: Final = 4
 """Fingers side by side in a line of captions and pictures."""
@@ -132,7 +132,7 @@ def run_state_html(
         displayed = ' style="visibility:visible;max-height:3em"' if age_s >= NO_NEWS_S else ""
         late = f'<b class="tega-late"{displayed}>{words}: the values below may be out of date</b>'
     if problem:
-        lines.append(f'<span style="color:#e8590c">! {escape(problem)}</span>')
+        lines.append(f'<span style="color:#c2410c">! {escape(problem)}</span>')
     if view.state:
         reason, alerts = lines_beside(view)
         if not paused:
@@ -143,7 +143,7 @@ def run_state_html(
             lines.append(badge_html("HAPTICS OFF", PAUSED) + " switched off on this page: every motor rests")
         if reason:
             lines.append(f"<b>{escape(reason)}</b>")
-        lines += [f'<span style="color:#e8590c">! {escape(alert)}</span>' for alert in alerts]
+        lines += [f'<span style="color:#c2410c">! {escape(alert)}</span>' for alert in alerts]
     style = f"--tega-since:{age_s:.1f}s;{FONT};margin:4px 10px;line-height:1.6"
     return f'<div data-beat="{beat}" style="{style}">{late}{"<br>".join(lines)}</div>'
 
@@ -154,7 +154,7 @@ def badge_html(text: str, colour: str, more: str = "") -> str:
 
 
 def lights_html(state: ViewState) -> str:
-    """Show a light for each part of the run: green where something fresh came, orange where not, grey without one."""
+    """Show a light for each part of the run: green where it is well, orange at a fault or silence, grey without it."""
     loop = state.loop
     ended = loop.state == "stopped"
     seen: dict[str, bool | None] = {}
@@ -172,11 +172,12 @@ def lights_html(state: ViewState) -> str:
         seen["link"] = "link" not in loop.troubled
     if ended:
         seen = dict.fromkeys(seen)
-    words = {True: ("#2b8a3e", "well"), False: ("#e8590c", "silent"), None: ("#ced4da", "absent")}
+    # Of different shapes, for eyes that see no difference between green and orange.
+    words = {True: (_GREEN, "●", "well"), False: (_ORANGE, "▲", "fault"), None: ("#6c757d", "○", "absent")}
     cells = " ".join(
-        f'<span style="white-space:nowrap" title="{name}: {words[well][1]}">'
-        f'<b style="color:{words[well][0]}" aria-label="{words[well][1]}">●</b> {name}</span>'
-        for name, well in seen.items()
+        f'<span style="white-space:nowrap" title="{name}: {word}">'
+        f'<b style="color:{colour}" role="img" aria-label="{word}">{sign}</b> {name}</span>'
+        for name, (colour, sign, word) in ((name, words[well]) for name, well in seen.items())
     )
     # A new element each time, so that the browser counts anew from when it last heard something.
     return (
@@ -196,7 +197,7 @@ def arm_html(view: LoopView) -> str:
     lines = (
         f"{badge_html(f'ARM {arm.state.upper()}', _ARM_COLOURS[arm.state])} {escape(arm.reason)}",
         f"{arm.switches} · hand at {arm.place}",
-        f'<span style="color:#868e96">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
+        f'<span style="color:#6c757d">the arm\'s loop: {escape(arm.phase)}, {health.rate_hz:.0f} Hz, worst '
         f"{health.worst_ms:.0f} ms, {health.refused} commands refused{took}</span>",
     )
     return f'<div style="{style}">{"<br>".join(lines)}</div>'
@@ -210,7 +211,7 @@ def status_html(state: ViewState) -> str:
     rows |= {name: text for name, text in more.items() if text}
     rows |= {name.replace("_", " "): seen.words(name) for name, seen in loop.inputs.items()}
     pairs = [
-        f'<td style="color:#868e96;padding-right:8px">{escape(name)}</td>'
+        f'<td style="color:#6c757d;padding-right:8px">{escape(name)}</td>'
         f'<td style="padding-right:14px"><b>{escape(text)}</b></td>'
         for name, text in rows.items()
     ]
@@ -221,7 +222,7 @@ def status_html(state: ViewState) -> str:
     )
     # Muscles as decoded, hand as commanded and reported, and vest as sent, a line each.
     devices = "".join(
-        f'<tr><td style="color:#868e96;padding-right:8px;vertical-align:top">{name}</td>'
+        f'<tr><td style="color:#6c757d;padding-right:8px;vertical-align:top">{name}</td>'
         f'<td colspan="3"><b>{escape(text)}</b></td></tr>'
         for name, text in device_rows(loop).items()
     )
@@ -235,9 +236,9 @@ def captions_html(state: ViewState, labels: ContactLabels) -> str:
     for finger in state.loop.fingers:
         contact = state.loop.contacts.get(finger)
         if contact is None:
-            text = '<span style="color:#adb5bd">no sensor</span>'
+            text = '<span style="color:#6c757d">no sensor</span>'
         elif state.t_ns - contact.t_ns > STALE_NS:
-            text = '<b style="color:#e67700">silent:</b><br>no fresh<br>picture'
+            text = '<b style="color:#a85400">silent:</b><br>no fresh<br>picture'
         else:
             kind = labels.name(contact)
             word, depth = "no contact" if kind == "none" else kind, ""

@@ -43,7 +43,7 @@ def vest_svg(frame: MotorLevels | None, *, names: Sequence[str] = FINGERS, can_t
             f'<path d="{torso}" fill="#f8f9fa" stroke="#ced4da"/>',
             f'<text x="{middle}" y="11" font-size="11" font-weight="600" fill="#343a40">{title}{off}</text>',
             *(
-                f'<text x="{middle + x}" y="{bottom - 6}" font-size="10" font-weight="700" fill="#868e96">{side}</text>'
+                f'<text x="{middle + x}" y="{bottom - 6}" font-size="10" font-weight="700" fill="#6c757d">{side}</text>'
                 for x, side in zip((-76, 76), "LR"[::turn], strict=True)
             ),
         ]
