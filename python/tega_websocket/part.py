@@ -17,8 +17,10 @@ from tega.records import HandExchange, HeardMarker, Picture, Record
 from tega.records.bus import Backlog
 from tega.records.display import Notice
 from tega.records.types import record_types
+from tega.runtime.marker_budget import MARKER_BYTES_PER_S, MarkerBudget
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import run_realtime
+from tega.ui.view.same_machine import url_host
 from tega_websocket.commands import CommandedPart, Commands
 from tega_websocket.messages import (
     PROTOCOL,
@@ -53,7 +55,7 @@ class WebSocketPart(CommandedPart):
         self._view: LoopView | None = None
         self._cv2 = load_cv2("websocket") if table.pictures_hz else None
         self._picture_ns: dict[str, int] = {}
-        self._n_marks = 0
+        self._n_marks, self._budget = 0, MarkerBudget()
         backlog = Backlog("websocket", most=_MOST_WAITING, newest=True, rank=run_realtime("beside"))
         for kind in record_types():
             # A hand's exchanges are stamped by another clock, and are not made unless a recording wants them.
@@ -70,9 +72,8 @@ class WebSocketPart(CommandedPart):
         """Serve, and print the address."""
         table = self._table
         self._server.open(table.host, table.port)
-        host = f"[{table.host}]" if ":" in table.host else table.host
         token = self._token if table.token_file is None else "TOKEN"
-        self._bus.publish(Notice(text=f"websocket: ws://{host}:{self._server.port}/{token}"))
+        self._bus.publish(Notice(text=f"websocket: ws://{url_host(table.host)}:{self._server.port}/{token}"))
 
     def close(self) -> None:
         """End all connections."""
@@ -147,6 +148,9 @@ class WebSocketPart(CommandedPart):
 
     def _mark(self, client: int, text: str) -> None:
         now_ns = self._now_ns()
+        if not self._budget.allows(text):
+            self._commands.refused["too many markers"] += 1
+            raise MessageError(f"too many markers: {MARKER_BYTES_PER_S} bytes of them a second are recorded")
         if now_ns is not None:
             self._n_marks += 1
             self._bus.publish(

@@ -201,6 +201,9 @@ def test_a_message_that_cannot_be_obeyed_is_answered_with_the_reason(run: Run) -
         ):
             peer.send(**message)
             assert why in peer.refusal()
+        for _ in range(1000):
+            peer.send(type="Mark", text="x" * 1000)
+        assert "too many markers: " in peer.refusal()
 
 
 @pytest.mark.slow

@@ -26,8 +26,8 @@ from tega.loop.snapshot import LoopView
 from tega.records import Contact, Intent, NamedValue, SentFrame, VestFrame
 from tega.safety.states import STATES
 from tega.ui.cli.page import address_lines
-from tega.ui.view.same_machine import url_host
 from tega.ui.view.run_state import meaning
+from tega.ui.view.same_machine import url_host
 from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
 
 HOSTILE = '<script>alert("x")</script>&'
