@@ -216,11 +216,9 @@ _MEANT = (
 def _print(rows: list[dict[str, Any]]) -> None:
     from itertools import groupby
 
-    from rich.console import Console
+    from tega.ui.cli.report import figures_table, wide_console
 
-    from tega.ui.cli.report import figures_table
-
-    console = Console(highlight=False)
+    console = wide_console()
     for (log, trained_on, judged_on), some in groupby(
         rows, key=lambda row: (row["log"], row["trained_on"], row["judged_on"])
     ):
@@ -287,9 +285,8 @@ def _scored(figures: DecoderFigures) -> tuple[float, float, float]:
 
 def _print_scores(scores: dict[str, dict[Preset, DecoderFigures]]) -> None:
     import numpy as np
-    from rich.console import Console
 
-    from tega.ui.cli.report import figures_table
+    from tega.ui.cli.report import figures_table, wide_console
 
     table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
     rows = [(*_scored(score["paper"])[:2], *_scored(score["live"])) for score in scores.values()]
@@ -298,4 +295,4 @@ def _print_scores(scores: dict[str, dict[Preset, DecoderFigures]]) -> None:
         named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
     for name, (*shown, delay_s) in named:
         table.add_row(name, *map(format, shown, (".3f", ".2f", ".3f", ".2f")), f"{1000 * delay_s:.0f} ms")
-    Console(highlight=False).print(table)
+    wide_console().print(table)

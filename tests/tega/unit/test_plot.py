@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -26,6 +27,7 @@ from tega.loop.snapshot import LoopView
 from tega.records import Contact, Intent, NamedValue, SentFrame, VestFrame
 from tega.safety.states import STATES
 from tega.ui.cli.page import address_lines
+from tega.ui.cli.report import figures_table
 from tega.ui.view.run_state import meaning
 from tega.ui.view.same_machine import url_host
 from tega.ui.view.terminal import _STATE_STYLES, TerminalView, render
@@ -203,13 +205,21 @@ RATES = {"touch": 60.0, "levels": 10.0, "hand": 333.0, "vest": 30.0}
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 40), (200, 60)])
 def test_hand_levels_rates_latency_and_both_faces_are_in_sight(width: int, height: int) -> None:
-    drawn = screen(FULL, width, rates_hz=RATES, address="http://[::1]:8080/t/", height=height)
+    named = {"title": "lab[red].toml", "address": "http://[fd00::2]:8080/t/"}
+    drawn = screen(FULL, width, rates_hz=RATES, height=height, **named)
     lines = drawn.splitlines()
     assert len(lines) <= height - 1  # the cursor stands in the line below
     assert {len(line) for line in lines} == {min(width, 120)}
     hand = ("command level 5: tight", "reported bend", "channels", "333 Hz", "n 410")
-    assert all(text in drawn for text in (*hand, "front", "back", "vest", "/t/"))
+    assert all(text in drawn for text in (*hand, "front", "back", "vest", *named.values()))
     assert ("! 2 more" in drawn) == (height == 24)  # alerts that do not fit are counted
+
+
+def test_a_number_in_a_narrow_terminal_is_whole() -> None:
+    table = figures_table(["stage"], ["worst, ms"])
+    table.add_row("hand-over", "192.98")
+    (console := Console(file=io.StringIO(), width=18)).print(table)
+    assert re.sub(r"\s", "", console.file.getvalue()).endswith("hand-over192.98")  # type: ignore[attr-defined]
 
 
 def test_the_page_s_address_has_a_line_of_its_own_and_over_ssh_the_command_that_forwards_its_port() -> None:

@@ -72,9 +72,7 @@ def _print_arm(out: Console, arm: dict[str, Any]) -> None:
 
 def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> None:
     """Print a summary of ``run_session``, with ``wall_s`` and ``real_time_factor``, which are in no file."""
-    from rich.console import Console
-
-    out = Console(highlight=False, markup=False)
+    out = wide_console()
     if summary["tactile"]:
         table = figures_table(["finger", "source"], ["frames", "Hz", "CCI max", "EDA max"], "touch")
         table.add_column("baseline")
@@ -202,7 +200,7 @@ def figures_table(left: Sequence[str], right: Sequence[str], title: str = "", **
     for place, name in enumerate(left):
         table.add_column(name, no_wrap=place == 0)
     for name in right:
-        table.add_column(name, justify="right")
+        table.add_column(name, justify="right", overflow="fold")  # a number that is cut off is another one
     return table
 
 

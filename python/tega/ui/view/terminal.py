@@ -169,9 +169,9 @@ def render(
     lines += [Text(f"link    {view.link}")] if view.link else []
     return Panel(
         Group(*lines),
-        title=title,
+        title=Text(title),  # else what a name or an IPv6 address has in brackets is markup
         title_align="left",
-        subtitle=address or None,
+        subtitle=Text(address) if address else None,
         subtitle_align="left",
         width=min(width, _WIDEST),
     )
