@@ -27,7 +27,7 @@ from tega.records import (
 from tega.records.bus import Backlog, Bus
 from tega.records.schema import MessageField, fields
 from tega.runtime.evidence import is_other_clock
-from tega.runtime.marker_budget import MARKER_BYTES_PER_S, MarkerBudget
+from tega.runtime.marker_budget import MarkerBudget
 from tega_lsl.library import find_streams, hosts_of, load_lsl, to_monotonic_s
 from tega_markers.settings import LslStreamName
 
@@ -167,7 +167,7 @@ class LslMarkersIn:
     Attributes:
         problem: One sentence; ``""`` while exactly one stream is there and its stamps are plausible.
         n_unstamped: Markers so far with stamps of another clock.
-        n_left_out: Markers so far that were too many to be recorded.
+        budget: Room for further markers.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
     """
 
@@ -177,8 +177,8 @@ class LslMarkersIn:
         self._lsl = load_lsl("markers.lsl_in")
         self._over = threading.Event()
         self.problem = f"markers: no stream called {name!r} on the network yet"
-        self.n_received = self.n_unstamped = self.n_left_out = 0
-        self._budget = MarkerBudget()
+        self.n_received = self.n_unstamped = 0
+        self.budget = MarkerBudget()
         self.correction_s: float | None = None
         self._marker_problem = ""
         self._thread = threading.Thread(target=self._work, name="tega-markers", daemon=True)
@@ -249,12 +249,8 @@ class LslMarkersIn:
         at_s = stamp_s + correction_s + to_monotonic_s(self._lsl)
         age_s = received_ns * 1e-9 - at_s
         self._marker_problem = ""
-        if not self._budget.allows(text):
-            self.n_left_out += 1
-            self._marker_problem = (
-                f"markers: {self._name!r} sends more than {MARKER_BYTES_PER_S} bytes a second: "
-                f"{self.n_left_out} markers are not recorded; send fewer or shorter ones"
-            )
+        if why := self.budget.problem(text):
+            self._marker_problem = f"markers: {self._name!r}: {why}"
             return
         if math.isnan(at_s) or is_other_clock(age_s, ahead_s=_AHEAD_S, away_s=_AWAY_S):
             self.n_unstamped += 1

@@ -190,20 +190,12 @@ def emg_skill(*, folder: Path, person: str | None, decoders: list[str] | None, a
 
 def _table(title: str, numbers: tuple[str, ...], rows: list[tuple[object, ...]]) -> None:
     """Print rows that begin with a person (``None``: over people) and a decoder."""
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.table import Table
+    from tega.ui.cli.report import figures_table, wide_console
 
-    table = Table(box=SIMPLE, title=title, title_justify="left")
-    for name in ("person", "decoder"):
-        table.add_column(name, no_wrap=True)
-    for name in numbers:
-        table.add_column(name, justify="right", no_wrap=True)
+    table = figures_table(["person", "decoder"], numbers, title)
     for person, *others in rows:
-        cells = ("–" if cell is None else escape(str(cell)) for cell in others)
-        table.add_row(str(person or "over people"), *cells)
-    Console(highlight=False, width=110).print(table)
+        table.add_row(str(person or "over people"), *("–" if cell is None else str(cell) for cell in others))
+    wide_console().print(table)
 
 
 @click.command(

@@ -17,7 +17,7 @@ from tega.records import HandExchange, HeardMarker, Picture, Record
 from tega.records.bus import Backlog
 from tega.records.display import Notice
 from tega.records.types import record_types
-from tega.runtime.marker_budget import MARKER_BYTES_PER_S, MarkerBudget
+from tega.runtime.marker_budget import MarkerBudget
 from tega.runtime.opencv import load_cv2
 from tega.runtime.threads import run_realtime
 from tega.ui.view.same_machine import url_host
@@ -148,9 +148,9 @@ class WebSocketPart(CommandedPart):
 
     def _mark(self, client: int, text: str) -> None:
         now_ns = self._now_ns()
-        if not self._budget.allows(text):
+        if why := self._budget.problem(text):
             self._commands.refused["too many markers"] += 1
-            raise MessageError(f"too many markers: {MARKER_BYTES_PER_S} bytes of them a second are recorded")
+            raise MessageError(why)
         if now_ns is not None:
             self._n_marks += 1
             self._bus.publish(

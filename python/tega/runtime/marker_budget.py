@@ -3,27 +3,21 @@
 from __future__ import annotations
 
 import time
-from typing import Final
-
-MARKER_BYTES_PER_S: Final = 50_000
-"""Bytes of markers a second that are recorded for long, 180 MB an hour; a megabyte may come at once."""
-
-_BURST_BYTES: Final = 1_000_000
-_OVERHEAD_BYTES: Final = 100
 
 
 class MarkerBudget:
-    """Bytes of markers that may still be recorded."""
+    """Room for markers in a recording: 50 kB a second, after a first megabyte; ``n_left_out`` had none."""
 
     def __init__(self) -> None:
-        self._left_bytes, self._seen_s = float(_BURST_BYTES), time.monotonic()
+        self._left_bytes, self._seen_s, self.n_left_out = 1e6, time.monotonic(), 0
 
-    def allows(self, text: str) -> bool:
-        """Return whether a marker may be recorded, and count it if it may."""
-        now_s = time.monotonic()
-        self._left_bytes += (now_s - self._seen_s) * MARKER_BYTES_PER_S
-        self._left_bytes, self._seen_s = min(self._left_bytes, _BURST_BYTES), now_s
-        n_bytes = _OVERHEAD_BYTES + len(text.encode(errors="replace"))
-        allowed = n_bytes <= self._left_bytes
-        self._left_bytes -= n_bytes * allowed
-        return allowed
+    def problem(self, text: str) -> str:
+        """Take room for a marker; return why there is none, ``""`` if there is."""
+        earlier_s, self._seen_s = self._seen_s, time.monotonic()
+        self._left_bytes = min(self._left_bytes + (self._seen_s - earlier_s) * 5e4, 1e6)
+        n_bytes = 100 + len(text.encode(errors="replace"))
+        if n_bytes <= self._left_bytes:
+            self._left_bytes -= n_bytes
+            return ""
+        self.n_left_out += 1
+        return f"too many markers: more than 50 kB a second, {self.n_left_out} not recorded; send fewer or shorter ones"

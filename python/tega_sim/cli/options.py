@@ -113,13 +113,10 @@ def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 def print_rows(title: str, rows: Iterable[Any], columns: Mapping[str, Callable[[Any], str]]) -> Console:
     """Print a table of rows by the text of each column, words to the left, numbers to the right; return the console."""
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
+    from tega.ui.cli.report import figures_table, wide_console
 
-    out, table = Console(highlight=False, width=110), Table(title=title, title_justify="left", box=SIMPLE)
-    for name in columns:
-        table.add_column(name, justify="left" if name in {"object", "condition"} else "right")
+    out, words = wide_console(), ("object", "condition")
+    table = figures_table(words, [name for name in columns if name not in words], title)
     for row in rows:
         table.add_row(*(text(row) for text in columns.values()))
     out.print(table)

@@ -27,10 +27,8 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
     who took part and no result. --json prints {page, tables, blind, table1, tests}, tests as in report/tests.csv.
     """
     import msgspec
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
 
+    from tega.ui.cli.report import figures_table, wide_console
     from tega_study.report import table_1, write_report
 
     done = write_report(source, out, unblind=unblind)
@@ -42,16 +40,14 @@ def report(*, source: Path, out: Path | None, unblind: bool, as_json: bool) -> N
         where = {"page": str(done.page), "tables": str(done.tables), "blind": done.analysis.blind}
         echo_json({**where, "table1": first, "tests": msgspec.to_builtins(tests)})
         return
-    console, analysis = Console(highlight=False, width=110), done.analysis
+    console, analysis = wide_console(), done.analysis
     if analysis.interim:
         results = "results are withheld (--unblind shows them)" if analysis.blind else "results shown early"
         console.print(f"interim: {analysis.flow.complete} people complete; {results}")
     if not analysis.blind:
         head, *rows = table_1(analysis)
         title = "Table I, simulated" if analysis.simulated else "Table I"
-        displayed = Table(title=f"{title}: means, time in seconds", title_justify="left", box=SIMPLE)
-        for place, name in enumerate(head):
-            displayed.add_column(name, justify="left" if place < 2 else "right")
+        displayed = figures_table(head[:2], head[2:], f"{title}: means, time in seconds")
         for row in rows:
             displayed.add_row(*row)
         console.print(displayed)
