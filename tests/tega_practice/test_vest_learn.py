@@ -262,10 +262,7 @@ def test_a_page_asks_shows_bars_and_tells(capsys: pytest.CaptureFixture[str]) ->
         guide.say("0.42 bits/s", tone="good")
         page.get_by_text("0.42 bits/s").wait_for()
     assert "0.42 bits/s" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_nobody_is_waited_for_where_nobody_is_there() -> None:
+    # Nobody is waited for where nobody is there.
     with PageGuide("TEGA", yes=True, get_ready_s=0.01) as guide:
         guide.ready("Arm as in use")
         with pytest.raises(Undecided):

@@ -239,9 +239,7 @@ def test_it_ends_with_the_armed_state_and_one_is_tried_at_a_time() -> None:
     loop.tick(33_000_000)
     assert not loop.frames[-1].intensities.any()
     assert loop.reported[-1].percent == 0
-
-
-def test_a_run_that_does_not_tick_answers_all_the_same() -> None:
+    # A run that does not tick answers all the same.
     assert MotorTests().ask(0) == MotorAnswer(done=False, words="not tried: the run drives no vest now")
 
 

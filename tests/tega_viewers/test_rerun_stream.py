@@ -51,6 +51,7 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
         for finger in FINGERS:
             bus.publish(Picture(finger=finger, image=image, t_ns=7, received_ns=7, seq=0, name="a picture"))
             bus.publish(Contact(finger=finger, t_ns=5, in_contact=True, cci_norm=0.25))
+            bus.publish(Contact(finger="left_palm", t_ns=5, in_contact=True, cci_norm=0.25))
         bus.publish(Intent(t_ns=5, level=3))
         bus.publish(VestFrame(t_ns=6, layout="x16", intensities=(7,) * 16))
         bus.publish(Joints(t_ns=6, angles_rad=(0.1,) * 16))
@@ -62,20 +63,11 @@ def test_the_saved_layout_is_the_one_that_is_sent_and_shows_what_a_stream_sends(
     assert "/run/skipped" not in text
     lines = set(re.findall(r"[a-z]+ (?:CCI|EDA)", text))
     assert {f"{finger} {subject}" for finger in FINGERS for subject in ("CCI", "EDA")} <= lines
+    assert "left_palm CCI" in text  # of another name: it has its lines and its view
+    assert "[left_palm]" in text
     topics = {name for name in there if re.fullmatch(r"/[a-z]+(/[a-z]+)+", name)}
     assert len(topics) >= 7
     assert topics <= sent
-
-
-def test_a_finger_of_another_name_gets_its_lines_and_its_view(tmp_path: Path) -> None:
-    bus, file = Bus(), tmp_path / "run.rrd"
-    with RerunStream(bus, file=file):
-        for t_ns in (5, 6):
-            bus.publish(Contact(finger="left_palm", t_ns=t_ns, in_contact=True, cci_norm=0.25))
-    assert bus.problem() == ""
-    text = printed(file)
-    assert "left_palm CCI" in text
-    assert "[left_palm]" in text
 
 
 def test_no_viewer_says_how_to_start_one() -> None:

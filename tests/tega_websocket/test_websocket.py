@@ -207,8 +207,10 @@ def test_a_message_that_cannot_be_obeyed_is_answered_with_the_reason(run: Run) -
 
 
 @pytest.mark.slow
-def test_the_wrong_token_other_sites_long_messages_and_idle_peers_are_refused(run: Run) -> None:
+def test_a_taken_port_wrong_token_other_sites_long_messages_and_idle_peers_are_refused(run: Run) -> None:
     base, _, token = run.url.rpartition("/")
+    with pytest.raises(DeviceUnavailableError, match="cannot be served"):
+        run_session(check_tree(settings(port=int(base.rpartition(":")[2])), {}, base=Path.cwd()).config)
     for url in (base, f"{base}/", f"{base}/{token[:-1]}", f"{base}/x/{token}"):
         with pytest.raises(InvalidStatus, match="403"):
             connect(url)
@@ -263,13 +265,6 @@ def test_settings_that_do_not_fit_are_refused(
     (tmp_path / "short").write_text("abcde\n")
     with pytest.raises(ConfigError, match=re.escape(sentence)):
         run_session(check_tree(settings(**table) | more, {}, base=tmp_path).config)
-
-
-@pytest.mark.slow
-def test_a_port_that_is_taken_is_an_error(run: Run) -> None:
-    port = int(run.url.rpartition("/")[0].rpartition(":")[2])
-    with pytest.raises(DeviceUnavailableError, match="cannot be served"):
-        run_session(check_tree(settings(port=port), {}, base=Path.cwd()).config)
 
 
 def test_a_command_lapses_while_it_waits_and_a_new_leader_presses_the_clutch_itself() -> None:

@@ -82,12 +82,7 @@ def test_the_version_is_that_of_the_package(capsys: pytest.CaptureFixture[str]) 
 
 @pytest.mark.parametrize(
     ("words", "message"),
-    [
-        (["walk"], "No such command 'walk'"),
-        (["replay"], "--out"),
-        (["run", "x", "--view-address", ""], "no address"),
-        (["verify", "a\0b"], "a NUL character"),
-    ],
+    [(["walk"], "No such command 'walk'"), (["replay"], "--out"), (["verify", "a\0b"], "a NUL character")],
 )
 def test_wrong_use_ends_with_code_2(capsys, words, message):
     _, err = call(capsys, *words, code=2)
@@ -190,19 +185,12 @@ def test_a_folder_of_tables_is_no_recording(tmp_path, capsys, monkeypatch, verb)
         assert "--record" in err
 
 
-@pytest.mark.parametrize(
-    ("name", "problem"),
-    [
-        ("x.xyz", "name it x.png"),
-        ("x", "name it x.png"),
-        ("no/x.svg", "x.png"),
-        ("file/x.png", "in its folder"),
-    ],
-)
-def test_a_picture_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys, name, problem):
+@pytest.mark.parametrize("name", ["x.xyz", "x", "x.svg", "file/x.png"])
+def test_a_picture_that_cannot_be_written_is_refused_before_the_work(tmp_path, capsys, name):
     (tmp_path / "file").touch()
     for verb in ("audit", "verify", "replay"):
-        assert problem in call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)[1]
+        _, err = call(capsys, verb, tmp_path, "--picture", tmp_path / name, code=2)
+        assert ("in its folder" if name.startswith("file") else "name it x.png") in err
 
 
 def test_a_contract_of_no_driver_and_no_stage(capsys: pytest.CaptureFixture[str]) -> None:

@@ -178,10 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     Args:
         arguments: The words after the program's name; those of this process when ``None``.
     """
-    # One that was closed has no object in Python, and the next file or device that is opened would take its number.
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: PTH123, SIM115  # as long as the program
+    _ready_streams()
     words = list(sys.argv[1:] if arguments is None else arguments)
     debug = "--debug" in words
     words = [word for word in words if word != "--debug"]
@@ -189,7 +186,6 @@ def main(arguments: Sequence[str] | None = None) -> None:
         click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
         words[:1] = now.split()
     show_warnings(_warn)
-    _ready_streams()
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
@@ -226,11 +222,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _ready_streams() -> None:
-    """Have an output that is closed swallow text, and one of another encoding than UTF-8 escape what it lacks."""
-    for name in ("stdout", "stderr"):
+    """Open closed standard streams as empty, and have an output of another encoding than UTF-8 escape what it lacks."""
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if (stream := getattr(sys, name)) is None:
-            setattr(sys, name, Path(os.devnull).open("w", encoding="utf-8"))  # noqa: SIM115  # as long as the program
-        elif stream.errors == "strict":
+            # Else the next file or device that is opened would take its number.
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115  # as long as the program
+        elif mode == "w" and stream.errors == "strict":
             stream.reconfigure(errors="backslashreplace")
 
 
