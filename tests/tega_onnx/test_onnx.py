@@ -180,9 +180,8 @@ def hostile() -> dict[str, bytes]:
 @pytest.mark.parametrize("name", [*hostile(), *CARDS])
 def test_a_hostile_file_and_a_card_that_does_not_fit_are_clear_errors(tmp_path: Path, name: str) -> None:
     files = written(tmp_path, hostile().get(name, PICTURES), CARDS.get(name, PICTURE_CARD))
-    with pytest.raises(
-        ConfigError, match=r"model\.(onnx|toml)" if name in CARDS else r"^model\.onnx: "
-    ) as raised:
+    where = r"model\.(onnx|toml)" if name in CARDS else r"^model\.onnx: "
+    with pytest.raises(ConfigError, match=where) as raised:
         OnnxModel(*files, PictureInput)
     assert len(raised.value.message) <= 500
     assert raised.value.hint

@@ -155,13 +155,11 @@ def test_on_a_phone_the_sheet_is_as_wide_as_the_screen(browser):
 
 
 def test_the_end_of_a_run_is_read_on_the_page(browser):
-    snapshot = Moments().at(2.0)
+    snapshot, wrong = Moments().at(2.0), "emg: no signal for 0.5 s"
     with BrowserView("TEGA made-up grasp", port=0) as view, opened(browser, view.url) as page:
-        view.offer(
-            snapshot._replace(loop=snapshot.loop._replace(state="hold", reason="emg: no signal for 0.5 s"))
-        )
+        view.offer(snapshot._replace(loop=snapshot.loop._replace(state="hold", reason=wrong)))
         page.get_by_text("HOLD", exact=True).wait_for(timeout=60_000)
-        page.get_by_text("emg: no signal for 0.5 s").wait_for(timeout=60_000)
+        page.get_by_text(wrong).wait_for(timeout=60_000)
         view.offer(snapshot._replace(loop=snapshot.loop._replace(state="stopped", reason="stopped: Ctrl-C")))
         view.__exit__(None, None, None)
         page.get_by_text("STOPPED", exact=True).wait_for(timeout=60_000)
