@@ -167,7 +167,6 @@ class LslMarkersIn:
     Attributes:
         problem: One sentence; ``""`` while exactly one stream is there and its stamps are plausible.
         n_unstamped: Markers so far with stamps of another clock.
-        budget: Room for further markers.
         correction_s: The newest correction of the sender's clock; ``None`` before the first marker.
     """
 

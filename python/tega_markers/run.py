@@ -152,7 +152,6 @@ class MarkersPart(Part):
                 "stream": self._settings.lsl_in,
                 "heard": self._in.n_received,
                 "of_another_clock": self._in.n_unstamped,
-                "left_out": self._in.budget.n_left_out,
                 "clock_correction_s": self._in.correction_s,
                 "problem": self._in.problem,
             }

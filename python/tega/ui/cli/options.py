@@ -149,9 +149,8 @@ def echo_json(value: Any) -> None:
           null
         ]
     """
-    value = json.loads(json.dumps(value), parse_constant=lambda _: None)
     # ASCII: valid in whatever encoding the output has, and for names of files that are no UTF-8.
-    click.echo(json.dumps(value, indent=2))
+    click.echo(json.dumps(json.loads(json.dumps(value), parse_constant=lambda _: None), indent=2))
 
 
 def value_text(value: object) -> str:

@@ -80,10 +80,10 @@ def _drop(oldest: Any) -> None:
 def url_host(host: str) -> str:
     """Return the host of a URL: of a server at all addresses, the one by which other machines reach this one."""
     if host in {"0.0.0.0", "::"}:
-        family, other = (socket.AF_INET6, "2001:db8::1") if ":" in host else (socket.AF_INET, "192.0.2.1")
-        host = socket.gethostname()
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
         with contextlib.suppress(OSError), socket.socket(family, socket.SOCK_DGRAM) as way:
-            way.connect((other, 9))  # sends nothing: the system only chooses the address to send from
+            # Sends nothing: the system only chooses the address to send from.
+            way.connect(("2001:db8::1" if ":" in host else "192.0.2.1", 9))
             host = way.getsockname()[0]
     return f"[{host}]" if ":" in host else host
 

@@ -38,8 +38,7 @@ from tega.ui.view.state import ViewState
 
 _TOUCH_WIDTH, _CHART_WIDTH = 420, 400
 _SHEET = "cameras and touch maps"
-# viser's own red and grey are too light to read white on them.
-_RED, _GREY = (201, 42, 42), (73, 80, 87)
+_RED, _GREY = (201, 42, 42), (73, 80, 87)  # white is legible on them, unlike on viser's own
 
 
 class Page:

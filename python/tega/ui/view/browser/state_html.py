@@ -154,7 +154,7 @@ def badge_html(text: str, colour: str, more: str = "") -> str:
 
 
 def lights_html(state: ViewState) -> str:
-    """Show a light for each part of the run: green where it is well, orange at a fault or silence, grey without it."""
+    """Show a light for each part: green if well, orange at a fault or silence, grey without it; each has its shape."""
     loop = state.loop
     ended = loop.state == "stopped"
     seen: dict[str, bool | None] = {}
@@ -172,7 +172,6 @@ def lights_html(state: ViewState) -> str:
         seen["link"] = "link" not in loop.troubled
     if ended:
         seen = dict.fromkeys(seen)
-    # Of different shapes, for eyes that see no difference between green and orange.
     words = {True: (_GREEN, "●", "well"), False: (_ORANGE, "▲", "fault"), None: ("#6c757d", "○", "absent")}
     cells = " ".join(
         f'<span style="white-space:nowrap" title="{name}: {word}">'
