@@ -35,6 +35,7 @@ class StreamFacts(msgspec.Struct, frozen=True):
         missing: Items that never came, by the gaps in their numbers.
         dropped: Items that were not recorded, since the disk did not keep up.
         mib: Size before the file's compression.
+        back: Stamps before the one before them; if there are any, rate, distances and gaps are of the arrivals.
     """
 
     topic: str
@@ -47,6 +48,7 @@ class StreamFacts(msgspec.Struct, frozen=True):
     missing: int
     dropped: int
     mib: float
+    back: int
 
 
 class StageLatency(msgspec.Struct, frozen=True):
@@ -114,6 +116,7 @@ class _Topic:
     def __init__(self, schema: str) -> None:
         self.schema = schema
         self.stamps: list[int] = []
+        self.arrived: list[int] = []
         self.numbers: list[tuple[int, int]] = []
         self.n_bytes = 0
 
@@ -180,6 +183,7 @@ class _Messages:
         # The exchange with a hand is stamped with the machine's clock, as the link was told it.
         stamped = message.schema != "tega.HandExchange"
         topic.stamps.append(getattr(value, "t_ns", t_ns) if stamped else t_ns)
+        topic.arrived.append(t_ns)
         self.newest_ns = max(self.newest_ns, t_ns)
         if message.schema == "foxglove.Log":
             self.log.append(Marked(t_ns / 1e9, value.message))
@@ -240,7 +244,10 @@ class _Messages:
 
 
 def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
-    stamps = np.array(sorted(topic.stamps), np.int64)
+    stamps = np.array(topic.stamps, np.int64)
+    # A clock that was set, or several sources on one topic: their arrival is on one clock.
+    if back := int((np.diff(stamps) < 0).sum()):
+        stamps = np.array(sorted(topic.arrived), np.int64)
     steps = np.diff(stamps)
     span_s = int(stamps[-1] - stamps[0]) / 1e9 if len(stamps) else 0.0
     n_items, missing = len(stamps), 0
@@ -264,6 +271,7 @@ def _facts(name: str, topic: _Topic, dropped: int) -> StreamFacts:
         missing=missing,
         dropped=dropped,
         mib=topic.n_bytes / 2**20,
+        back=back,
     )
 
 

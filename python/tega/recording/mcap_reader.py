@@ -104,8 +104,8 @@ class Plan(NamedTuple):
 class McapReader:
     """Passes over a file. Needs no index, so that a cut file is read as far as it goes.
 
-    If ``data`` is its content, ``path`` is only its name. With ``check_sums`` a part with a wrong checksum is
-    the end of the file, like other damage.
+    If ``data`` is its content, ``path`` is only its name. A part with a wrong checksum is the end of the file,
+    like other damage.
 
     Attributes:
         metadata: Tables of names and texts, as far as the pass has come.
@@ -115,10 +115,9 @@ class McapReader:
         part_begins: Place in the file of the part that holds the message which a pass has just returned.
     """
 
-    def __init__(self, path: Path, *, data: bytes | None = None, check_sums: bool = False) -> None:
+    def __init__(self, path: Path, *, data: bytes | None = None) -> None:
         self.path = path
         self._data = data
-        self._check_sums = check_sums
         self._schemas: dict[int, Any] = {}
         self._channels: dict[int, Any] = {}
         self.metadata: dict[str, dict[str, str]] = {}
@@ -231,14 +230,14 @@ class McapReader:
             file,
             skip_magic=begins > 0,
             emit_chunks=True,
-            validate_crcs=self._check_sums,
+            validate_crcs=True,
             record_size_limit=MOST_RECORD,
         )
         for record in reader.records:
             if begins >= ends:
                 return
             if type(record).__name__ != "MessageIndex":
-                yield begins, chunk_records(record, check_sum=self._check_sums, passed=passed)
+                yield begins, chunk_records(record, passed=passed)
             begins = file.tell()
 
     def _keep(self, record: Any) -> None:
@@ -287,12 +286,12 @@ def read_ahead(items: Iterator[Item]) -> Generator[Item]:
             yield item
 
 
-def chunk_records(record: Any, *, check_sum: bool = False, passed: Container[int] = ()) -> list[Any]:
+def chunk_records(record: Any, *, passed: Container[int] = ()) -> list[Any]:
     """Return the records of a part of the file, as the package ``mcap`` does in ten times the time.
 
     They are messages as :class:`RawMessage`, but for those of the channels ``passed``, and schemas and
     channels; of any record but a part a list of it alone. The messages keep the part's memory and are not
-    copied. A damaged part raises exceptions of many types; with ``check_sum`` a wrong checksum is damage.
+    copied. A damaged part, also one with a wrong checksum, raises exceptions of many types.
     """
     reading = require("mcap.stream_reader", driver="replay", extra="record")
     records = require("mcap.records", driver="replay", extra="record")
@@ -300,7 +299,7 @@ def chunk_records(record: Any, *, check_sum: bool = False, passed: Container[int
         return [RawMessage(record.channel_id, record.log_time, record.data)]
     if not isinstance(record, records.Chunk):
         return [record]
-    stream, n_bytes = reading.get_chunk_data_stream(record, validate_crc=check_sum)
+    stream, n_bytes = reading.get_chunk_data_stream(record, validate_crc=True)
     data = memoryview(stream.read(n_bytes))
     made, at = list[Any](), 0
     message_kind, record_at, message_at = (

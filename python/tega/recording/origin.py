@@ -66,9 +66,16 @@ def made_with(tables: Tables) -> tuple[str, bool]:
 
 
 def origins(tables: Tables) -> list[dict[str, str]]:
-    """Return the steps from the run's own file to this one; none for the run's own file."""
-    numbers = sorted(int(name.removeprefix(_ORIGIN)) for name in tables if name.startswith(_ORIGIN))
-    return [dict(tables[f"{_ORIGIN}{n}"]) for n in numbers]
+    """Return the steps from the run's own file to this one, none for the run's own file; ``RecordingError`` if odd."""
+    try:
+        numbers = sorted(int(name.removeprefix(_ORIGIN)) for name in tables if name.startswith(_ORIGIN))
+        steps = [dict(tables[f"{_ORIGIN}{n}"]) for n in numbers]
+        for step in steps:
+            _ = step["made_by"], step["session"], step["file"], str(span({SPAN: step}))
+    except (KeyError, ValueError, OverflowError) as error:
+        text = f"the table of a step that made it is damaged: {type(error).__name__}: {str(error)[:100]}"
+        raise RecordingError(text, "make it again from its source") from error
+    return steps
 
 
 def origin(tables: Tables, source: Path, *, made_by: str, part: Span) -> tuple[str, dict[str, str]]:

@@ -180,7 +180,7 @@ def _of_devices(trial: RecordedTrial, path: Path) -> Reel:
     from tega.recording.pictures import paired
 
     cv2 = require("cv2", driver="recording", extra="record")
-    reader = McapReader(path, check_sums=True)
+    reader = McapReader(path)
     strips: dict[str, _Strip] = {}
     newest_ns = 0
     try:

@@ -8,6 +8,7 @@ import signal
 import sys
 import tomllib
 from contextlib import nullcontext, suppress
+from io import BytesIO
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, ClassVar, cast
@@ -17,6 +18,8 @@ import cv2
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Chunk
+from mcap.stream_reader import StreamReader
 from mcap.writer import Writer
 from msgspec.structs import replace
 
@@ -25,7 +28,7 @@ from reference.installed import program
 from reference.parts import observed
 from reference.played import finger, muscles
 from reference.processes import until
-from reference.sessions import tree
+from reference.sessions import rewritten, tree
 from tega.config import RecordingSection, check_tree
 from tega.config.choose import preset_metric
 from tega.errors import ConfigError, RecordingError, TegaError
@@ -75,6 +78,23 @@ def test_inspect_prints_what_is_there(lossless: Path, capsys: pytest.CaptureFixt
     assert streams["/emg/samples"]["rate_hz"] == pytest.approx(1000.0)
     assert streams["/tactile/thumb/image"]["rate_hz"] == pytest.approx(60.0)
     assert (found["ended"], found["complete"]) == ("complete", True)
+
+
+def test_inspect_detects_a_clock_that_was_set_and_a_wrong_checksum(lossless, tmp_path, capsys) -> None:
+    def set_back(topic: str, value: Any) -> Any:
+        if topic == "/emg/samples" and value.first_index >= 500:
+            value.t_ns -= 160_000_000
+        return value
+
+    found = inspect_file(rewritten(lossless, tmp_path / "a.mcap", set_back))
+    streams = {one.topic: one for one in found.streams}
+    assert streams["/emg/samples"].back == 1
+    assert streams["/emg/samples"].rate_hz == pytest.approx(1000.0)
+    data = lossless.read_bytes()
+    *_, last = (r for r in StreamReader(BytesIO(data), emit_chunks=True).records if isinstance(r, Chunk))
+    changed = tmp_path / "changed.mcap"
+    changed.write_bytes(data.replace(last.uncompressed_crc.to_bytes(4, "little"), b"\1\2\3\4", 1))
+    assert "damaged or cut (CRCValidationError)" in call(capsys, "recording", "inspect", changed)[0]
 
 
 @pytest.mark.slow

@@ -50,11 +50,14 @@ def _show(found: Inspection) -> None:
     from rich.text import Text
 
     from tega.config.person import ONSET_STAGE
+    from tega.recording.origin import SPAN, Span, span
     from tega.ui.cli.report import figures_table, wide_console
 
     console = wide_console()
     started = datetime.fromtimestamp(found.start / 1e9, UTC)
     state = "complete" if found.complete else "not finished by its run, read as far as it goes"
+    if found.cut:
+        state = f"damaged or cut ({found.cut}); what comes before that is listed"
     if found.stopped:
         state = printable(f"ended before its run: {found.stopped}")
     about = f"  {found.duration_s:.1f} s, {found.mib:.1f} MiB, {state}"
@@ -62,10 +65,8 @@ def _show(found: Inspection) -> None:
     kind = "lossless" if found.lossless else "pictures as JPEG"
     console.print(f"  {kind}; begun {started:%Y-%m-%d %H:%M:%S} UTC; ended: {found.ended or 'not recorded'}")
     for step in found.origin:
-        subject = f"{step['session']}/{step['file']}"
-        if step["from_ns"] != "0" or step["to_ns"]:
-            end = f"{int(step['to_ns']) / 1e9:g} s" if step["to_ns"] else "its end"
-            subject += f", {int(step['from_ns']) / 1e9:g} s to {end}"
+        part = span({SPAN: step})
+        subject = f"{step['session']}/{step['file']}" + (f", {part}" if part != Span() else "")
         console.print(printable(f"  made by {step['made_by']} from {subject}"))
     for source in (*(f"{name}: {label}" for name, label in found.sources.items()), *found.absent):
         console.print(printable(f"  {source}"))
@@ -81,6 +82,8 @@ def _show(found: Inspection) -> None:
             f"{s.mib:.2f}",
         )
     console.print(table)
+    for s in (s for s in found.streams if s.back):
+        console.print(printable(f"  {s.topic}: {s.back} stamps step back; rate and gaps are of the arrivals"))
     if found.latency:
         table = figures_table(["latency"], ["n", "p50 ms", "p95 ms", "p99 ms", "worst ms"], box=None)
         for stage in found.latency:
