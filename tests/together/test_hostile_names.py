@@ -144,6 +144,9 @@ def test_texts_of_a_recording_are_no_commands_to_a_terminal(short, tmp_path, cap
     text = call(capsys, "recording", "inspect", path)[0]
     assert text.startswith(r"[bold]\x1b[2J\udce9.mcap ")
     call(capsys, "recording", "trim", path, "--out", tmp_path / "part")
+    call(capsys, "recording", "annotate", path, "--boris", tmp_path / "a.boris")
+    odd = rewritten(short, tmp_path / "odd.mcap", tables={"origin-1": {"from_ns": "9" * 400}})
+    assert "a step that made it is damaged" in call(capsys, "recording", "inspect", odd, code=1)[1]
     for words in (["verify", path, "--picture", tmp_path / "drawn.png"], ["play", path, "--speed", "max"]):
         assert "\x1b" not in "".join(call(capsys, *words))
     assert r"system \x1b[2J[/b]" in text

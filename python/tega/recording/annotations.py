@@ -20,6 +20,7 @@ from tega.runtime.files.annotations import CodedEvent, check_times, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
 from tega.runtime.files.whole_file import JsonLines, read_json_lines, write_whole
+from tega.runtime.words import printable
 
 KEYS: Final = {"s": "slip", "d": "deformation", "x": "drop", "l": "lift_off"}
 """Behaviours by key."""
@@ -177,11 +178,12 @@ def import_annotations(recording: Path, path: Path, rater: str) -> int:
     rater has coded the recording already; ``RecordingError`` also where an event is outside of it.
     """
     found = read_eaf(path, list(KEYS.values())) if path.suffix.lower() == ".eaf" else read_boris(path)
-    name = next((one for one in (f"{recording.stem}_{rater}", recording.stem, rater) if one in found), None)
+    stem = printable(recording.stem)
+    name = next((one for one in (f"{stem}_{rater}", stem, rater) if one in found), None)
     if name is None and len(found) != 1:
         names = ", ".join(sorted(found)[:5]) or "none"
         raise RecordingError(
-            f"{path.name}: holds {len(found)} observations ({names}), none of them {recording.stem!r}",
+            f"{path.name}: holds {len(found)} observations ({names}), none of them {stem!r}",
             "name the recording's observation like its file",
         )
     coded = found[name] if name is not None else next(iter(found.values()))
@@ -204,6 +206,10 @@ def export_annotations(recording: Path, path: Path, *, video: str = "") -> None:
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
+    if video != printable(video):
+        raise InvalidValueError(
+            f"the name {printable(video)!r} cannot be written as text", "rename the video"
+        )
     length_s = inspect_file(recording).duration_s
     raters = read_annotations(recording) or {"": []}
     raters = {

@@ -19,6 +19,7 @@ from tega.errors import RecordingError
 from tega.runtime.files.annotations import CodedEvent, Edge, edges_of, paired
 from tega.runtime.files.csv_tables import read_rows, seconds
 from tega.runtime.files.foreign_file import MIB, parse_json, read_foreign
+from tega.runtime.words import printable
 
 _MOST_MIB: Final = 64
 _EXPORT: Final = "export tabular or aggregated events from BORIS as TSV or CSV"
@@ -43,7 +44,7 @@ def boris_project(
     variables: Sequence[str] = (),
     observations: Mapping[str, Any],
 ) -> bytes:
-    """Return a project file; ``observations`` are those of :func:`boris_observation` by name.
+    """Return a project file; ``observations`` are those of :func:`boris_observation` by name, made printable.
 
     ``description`` is the origin of its times, ``variables`` are the names of the observations' own facts.
     The subjects' keys are the digits from 1.
@@ -51,7 +52,7 @@ def boris_project(
     project = {
         "time_format": "seconds",
         "project_date": "",
-        "project_name": name,
+        "project_name": printable(name),
         "project_description": description,
         "project_format_version": "7.0",
         "subjects_conf": {
@@ -78,7 +79,7 @@ def boris_project(
             }
             for n, one in enumerate(behaviours)
         },
-        "observations": dict(observations),
+        "observations": {printable(one): content for one, content in observations.items()},
         "behavioral_categories": [],
         "behavioral_categories_config": {},
         "independent_variables": {
