@@ -143,6 +143,8 @@ def test_a_mix_of_named_and_unnamed_muscles_is_asked_about(write: Write) -> None
     with pytest.raises(RecordingError, match=r'"something" may be EMG too; name the channels, such as 1,2'):
         read_signals(path)
     assert read_signals(path, Reading(channels=(1, 2, 3))).channels == (1, 2, 3)
+    with pytest.raises(RecordingError, match=r"a row per value \(a long table\)"):
+        read_signals(write(EMG.tolist(), "time,channel,value"))
 
 
 def test_a_short_column_of_another_sensor_is_left_to_itself(write: Write) -> None:
@@ -190,6 +192,58 @@ def test_the_files_time_gives_the_rate_and_contradicts_another(write: Write) -> 
 def test_times_have_units(unit: str, scale: float, write: Write) -> None:
     for head in (f"time_{unit},a,b,c", f"Time [{unit}],a,b,c", "time,a,b,c"):
         assert read_signals(write(timed(T_S * scale), head)).rate_hz == RATE_HZ
+
+
+OPEN_SIGNALS = '# {"00:07": {"sensor": ["EMG", "EMG", "EMG"], "column": ["nSeq", "DI", "CH1", "CH2", "CH3"]}}'
+BIOPAC = "a.acq\n4 msec/sample\n3 channels\na\nmV\nb\nmV\nc\nmV\nmin\tCH1\tCH2\tCH3\n\t1500\t1500\t1500"
+
+
+@pytest.mark.parametrize(
+    ("head", "row"),
+    [
+        ("", "10:30:{t:06.3f} -> {a:.2f},{b:.2f},{c:.2f}"),  # Arduino IDE
+        ("Time,a,b,c", "12/01/2026 10:30:{t:06.3f} PM,{a:.2f},{b:.2f},{c:.2f}"),
+        ("Zeit;a;b;c", "01.12.2026 10:30:{t:06.3f};{a:.2f};{b:.2f};{c:.2f}"),
+        ("timestamp_us,a,b,c", "{us},{a:.2f},{b:.2f},{c:.2f}"),  # since a board was switched on
+        ("micros,a,b,c", "{us},{a:.2f},{b:.2f},{c:.2f}"),
+        ("Temps (s);a;b;c", "{t:.3f}|{a:_.2f}|{b:_.2f}|{c:_.2f}"),  # French: 1\u202f234,50
+        (BIOPAC, "{min:.7f}\t{a:.2f}\t{b:.2f}\t{c:.2f}"),
+        ("ChannelTitle=\ta\tb\tc", "{t:.3f}\t{a:.2f}\t{b:.2f}\t{c:.2f}{note}"),  # LabChart
+        (
+            '"sep=\t"\nt\ta_EMG\tb_EMG\tc_EMG\t\nms\tmV\tmV\tmV\t',
+            "{ms}\t{a:.2f}\t{b:.2f}\t{c:.2f}\t",
+        ),  # Shimmer
+        (f"{OPEN_SIGNALS}\n# sampling rate: 250", "{k}\t0\t{a:.2f}\t{b:.2f}\t{c:.2f}\t"),
+    ],
+)
+def test_tables_of_other_programs(head: str, row: str, tmp_path: Path) -> None:
+    values = EMG * 10
+    lines = [head] if head else []
+    for k, (t, (a, b, c)) in enumerate(zip(T_S.tolist(), values.tolist(), strict=True)):
+        more = {"us": 1_020_000_000 + round(t * 1e6), "ms": round(t * 1e3), "min": t / 60, "k": k % 16}
+        note = "\t#* squeeze" if k == 700 else ""
+        lines.append(row.format(t=t, a=a, b=b, c=c, note=note, **more))
+    french = str.maketrans("_.|", "\u202f,;") if "_" in row else {}
+    (tmp_path / "a.txt").write_text("\n".join(lines).translate(french) + "\n")
+    found = same(read_signals(tmp_path / "a.txt"), values)
+    assert (len(found.samples), found.channels[-1] - found.channels[0], found.rate_hz) == (N, 2, RATE_HZ)
+
+
+def test_arrays_with_times_of_any_unit_and_columns_of_one_name(tmp_path: Path) -> None:
+    import h5py
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    for name, scale in (("time", 1e3), ("timestamps_us", 1e6), ("t", 1.0), ("timestamp_ns", 1e9)):
+        np.savez(tmp_path / "a.npz", emg=EMG, **{name: T_S * scale})
+        assert same(read_signals(tmp_path / "a.npz")).rate_hz == RATE_HZ
+    parquet.write_table(pa.table(list(map(pa.array, EMG.T)), names=["emg"] * 3), tmp_path / "a.parquet")
+    same(read_signals(tmp_path / "a.parquet"))
+    with h5py.File(tmp_path / "a.nwb", "w") as file:
+        file["acquisition/emg/data"] = EMG
+        file["acquisition/emg/starting_time"] = 0.0
+        file["acquisition/emg/starting_time"].attrs["rate"] = RATE_HZ
+    assert same(read_signals(tmp_path / "a.nwb")).rate_hz == RATE_HZ
 
 
 def test_losses_are_gaps_in_the_numbers_of_samples(write: Write) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from tega.errors import RecordingError
 from tega.runtime.files.foreign_file import MIB, load_npy
 from tega.runtime.files.tables.encoding import MOST_MIB
-from tega.runtime.files.tables.judging import judged
+from tega.runtime.files.tables.judging import SECONDS, judged, unix_unit
 from tega.runtime.files.tables.table import (
     MOST_JUDGED,
     Reading,
@@ -27,13 +27,14 @@ from tega.runtime.files.tables.table import (
     judged_columns,
     oriented,
 )
+from tega.runtime.files.tables.timing import to_seconds
 from tega.runtime.lifecycle import require
 
 _RATE = re.compile(
     r"(?:emg)?_?(?:fs|sfreq|s?rate|rate_?hz|fsamp|freq|frequency|sampl\w*_?(?:rate|freq\w*|hz))(?:_?hz|_?emg)?",
     re.IGNORECASE,
 )
-_TIME = re.compile(r"(?:emg)?_?(?:t|time|times|time_?stamps?)(?:_?m?s)?", re.IGNORECASE)
+_TIME = re.compile(r"(?:emg)?_?(?:t|time|times|time_?stamps?)(?:_?[mun]?s)?", re.IGNORECASE)
 _MOST_LISTED = 12
 _ROWS = 65_536
 
@@ -121,7 +122,11 @@ def add_clock(table: Table, arrays: Mapping[str, Any], name: str, n_rows: int) -
         elif table.times_s is None and key != name and size == n_rows > 1 and _TIME.fullmatch(last):
             times = np.asarray(as_array(value, table.file)).ravel()
             if times.dtype.kind in "iuf" and _parent(key) == _parent(name):
-                table.times_s = times.astype(np.float64) * (1e-3 if last.lower().endswith("ms") else 1.0)
+                times = times.astype(np.float64)
+                unit_s = SECONDS.get(unix_unit(times) or judged(last).unit.lower())
+                table.times_s = to_seconds(times, unit_s, table.rate_hz)
+                if table.times_s is None:
+                    table.notes.append(f'"{key}" is not used as time: it does not rise by steps of any unit')
 
 
 def _is_table(array: Any) -> bool:
@@ -208,10 +213,8 @@ def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as a
 
 def _by_batches(parquet: Any, path: Path, columns: Sequence[int]) -> Iterator[NDArray[np.float64]]:
     with parquet.ParquetFile(path) as file:
-        wanted = [file.schema_arrow.names[k] for k in columns]
-        for batch in file.iter_batches(batch_size=_ROWS, columns=wanted):
-            place = {name: k for k, name in enumerate(batch.schema.names)}
-            yield np.column_stack([_seconds_or_numbers(batch.column(place[name])) for name in wanted])
+        for batch in file.iter_batches(batch_size=_ROWS):  # by numbers: several columns can have one name
+            yield np.column_stack([_seconds_or_numbers(batch.column(k)) for k in columns])
 
 
 def _seconds_or_numbers(column: Any) -> NDArray[np.float64]:

@@ -19,16 +19,20 @@ MISSING: Final = frozenset(
 )
 """Cells that hold no number, in lower case."""
 
+_WHOLE = r"(?:\d{1,3}(?:['’\xa0\u202f]\d{3})+|\d+)"
+_REST = r"(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?"
 NUMBER: Final = {
     ".": re.compile(
-        r"[+-]?(?:\d{1,3}(?:,\d{3})+\.\d*|\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?", re.IGNORECASE
+        rf"[+\-\u2212]?(?:\d{{1,3}}(?:,\d{{3}})+\.\d*|{_WHOLE}\.?\d*|\.\d+){_REST}", re.IGNORECASE
     ),
     ",": re.compile(
-        r"[+-]?(?:\d{1,3}(?:\.\d{3})+,\d+|\d+(?:,\d+)?|,\d+)(?:[eE][+-]?\d+)?|[+-]?inf(?:inity)?",
-        re.IGNORECASE,
+        rf"[+\-\u2212]?(?:\d{{1,3}}(?:\.\d{{3}})+,\d+|{_WHOLE}(?:,\d+)?|,\d+){_REST}", re.IGNORECASE
     ),
 }
-"""Numbers by their decimal sign; thousands may be grouped by the other sign where there is a fraction."""
+"""Numbers by their decimal sign; thousands may be grouped by an apostrophe, a space that does not break or, where
+there is a fraction, the other sign."""
+# As the serial monitor of the Arduino IDE writes a line's time.
+_STAMPED = re.compile(r"^(\d[\d:.,]*) -> ")
 
 _COMMENT = re.compile(r"#(?!n/?a\b|value|wert)", re.IGNORECASE)
 # So many lines at the end of what was read first decide; they are far from the preamble.
@@ -77,6 +81,8 @@ def uncommented(line: str) -> str:
 
 def split(line: str, delimiter: str | None, *, quoted: bool) -> list[str]:
     """Return the cells of a line."""
+    if delimiter != "":
+        line = _STAMPED.sub(rf"\1{delimiter or ' '}", line)
     if not delimiter:
         return [line] if delimiter == "" else line.split()
     if quoted and '"' in line:

@@ -23,6 +23,8 @@ _STEP = re.compile(
     r"^(?:delta_x|interval=)\s*([\d.,eE+-]+)\s*(m|u|µ)?s?|^([\d.,]+)\s*(m|u|µ)?s(?:ec)?/sample", re.IGNORECASE
 )
 _LISTED = re.compile(r"^(\d+) channels$")
+_COLUMNS, _SENSORS = (re.compile(rf'"{name}": ?\[([^\]]*)\]') for name in ("column", "sensor"))
+_QUOTED = re.compile(r'"([^"]*)"')
 _UNITS = frozenset(
     (
         *("s", "ms", "us", "µs", "ns", "v", "mv", "uv", "µv", "g", "n", "nm", "%", "hz"),
@@ -77,7 +79,7 @@ def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
     ]
     n_columns = width
     empty = width > 1 and all(not cells[at][-1] for at in body if at >= first)
-    if empty and (not names or len(names) < width):
+    if empty and (not names or len(names) < width or not names[-1]):
         n_columns -= 1
     named = names[:n_columns] + [""] * max(0, n_columns - len(names)) if names else []
     clock = [bool(rows) and all(CLOCK.fullmatch(row[c]) for row in rows[-5:]) for c in range(width)]
@@ -140,7 +142,11 @@ def _names(  # noqa: PLR0917  # of one place in the file
     dialect: Dialect, name: str,
 ) -> tuple[list[str], list[str], int]:  # fmt: skip
     width = len(numeric)
-    if found := _listed(lines[:first], dialect, width) or _above(lines, cells, above, numeric, dialect, name):
+    if found := _listed(lines[:first], dialect, width):
+        # AcqKnowledge writes how many samples each channel has before the first one.
+        counts = found[1] and all(cell.isdigit() for cell in cells[first] if cell)
+        return *found, next((at for at in cells if at > first), first) if counts else first
+    if found := _above(lines, cells, above, numeric, dialect, name):
         return *found, first
     after = [row for at, row in cells.items() if at > first and len(row) == width]
     if _are_ordinals(cells[first]) and _is_header_of_numbers(cells[first], after, numeric):
@@ -183,19 +189,24 @@ def _above(  # noqa: PLR0917  # of one place in the file
 
 
 def _listed(lines: Sequence[str], dialect: Dialect, width: int) -> tuple[list[str], list[str]] | None:
-    """Return names and units that stand in a list before the table, as AcqKnowledge and LabChart write them."""
+    """Return names and units that stand in a list before the table: AcqKnowledge, LabChart, OpenSignals."""
     for at, line in enumerate(lines):
         text = line.strip()
         if text.lower().startswith("channeltitle="):
             titles = [cell for cell in dialect.split(text)[1:] if cell]
             if len(titles) in {width, width - 1}:
                 return ["time"] * (width - len(titles)) + titles, []
+        names, sensors = (_QUOTED.findall(" ".join(part.findall(text))) for part in (_COLUMNS, _SENSORS))
+        if names and len(names) in {width, width - 1}:
+            n = max(0, len(names) - len(sensors))  # the last columns are the sensors'
+            return names[:n] + [f"{a} {b}" for a, b in zip(sensors, names[n:], strict=False)], []
         if (found := _LISTED.match(text)) and int(found[1]) in {width, width - 1}:
             n = int(found[1])
             pairs = [one.strip() for one in lines[at + 1 : at + 1 + 2 * n]]
+            head = dialect.split("".join(lines[at + 1 + 2 * n : at + 2 + 2 * n]))  # the time's unit in front
             if len(pairs) == 2 * n:
                 more = width - n
-                return ["time"] * more + pairs[::2], [""] * more + pairs[1::2]
+                return ["time"] * more + pairs[::2], head[:more] + pairs[1::2]
     return None
 
 

@@ -8,6 +8,8 @@ from typing import Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.runtime.files.tables.timing import slope_of
+
 Role = Literal["channel", "time", "counter", "label", "sensor", "text", "unknown"]
 """Content of a column; ``unknown`` may be a channel."""
 
@@ -30,6 +32,8 @@ _FEWEST_LABELS = 200
 
 # Seconds since 1970 in this range are a date between 2001 and 2096; the same in ms, µs and ns.
 _UNIX_S = (1e9, 4e9)
+# No muscle is sampled less often.
+_LONGEST_STEP_S = 0.5
 
 
 def _set(words: str) -> frozenset[str]:
@@ -47,7 +51,7 @@ SECONDS: Final = {
 
 _TIME = _set(
     "time times timestamp timestamps timestep zeit zeitstempel uhrzeit temps tiempo tempo tijd tid datetime "
-    "date datum clock seconds secs sec seconden microseconds milliseconds millis epoch unix elapsed utc "
+    "date datum clock seconds secs sec seconden microseconds micros milliseconds millis epoch unix elapsed utc "
     "localtime t ts"
 )
 _ALONE_TIME = _set("t ts x date clock tempo tid sec")
@@ -170,13 +174,14 @@ def _rising(steps: NDArray[np.float64], moved: NDArray[np.float64], step: float,
 
 
 def unix_unit(values: NDArray[np.float64]) -> str:
-    """Return the unit in which values are times since 1970: ``s``, ``ms``, ``us``, ``ns``; ``""`` if they are not."""
+    """Return the unit in which values are times since 1970: ``s``, ``ms``, ``us``, ``ns``; ``""`` if they are not.
+
+    Units of a device's own clock, such as microseconds since it was switched on, can be as large; they rise faster.
+    """
     values = values[np.isfinite(values)]
-    if not len(values):
-        return ""
-    middle = float(np.median(values))
+    middle, step = (float(np.median(values)), slope_of(values)) if len(values) else (0.0, None)
     for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):
-        if _UNIX_S[0] * scale <= middle <= _UNIX_S[1] * scale:
+        if _UNIX_S[0] * scale <= middle <= _UNIX_S[1] * scale and step and step <= _LONGEST_STEP_S * scale:
             return unit
     return ""
 

@@ -17,28 +17,38 @@ from tega.runtime.files.foreign_file import check_file
 from tega.runtime.files.tables.dialect import MISSING, NUMBER, Dialect, split, uncommented
 from tega.runtime.files.tables.encoding import find_encoding, head_of, read_lines
 
-CLOCK: Final = re.compile(r"(?:(\d{4}-\d\d-\d\d)[T ])?(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(Z|[+-]\d\d:?\d\d)?")
-"""A time of day, with or without its date, as ``2026-11-28 12:30:01.250`` or ``12:30:01``."""
+CLOCK: Final = re.compile(
+    r"(?:(?:(\d{4}-\d\d-\d\d)|\d{1,4}[./-]\d{1,2}[./-]\d{2,4})(?:T|,? +))?"
+    r"(\d{1,2}):(\d\d):(\d\d)([.,:]\d+)?(?: ?([AP])M)?(?:Z|[+-]\d\d:?\d\d)?",
+    re.IGNORECASE,
+)
+"""A time of day, perhaps with its date, as ``2026-11-28 12:30:01.250``, ``28.11.2026 12:30:01`` or ``1:30:01 PM``."""
 
 _MOST_DISPLAYED = 60
+_PLAIN: Final = str.maketrans("\N{MINUS SIGN}", "-", "'’\xa0\u202f")
 
 _HEAD_BYTES = 65_536
 
 
 def clock_s(cell: str) -> float:
-    """Return a date and time as seconds since 1970, a time of day since midnight; else ``ValueError``."""
+    """Return a date and time as seconds since 1970, a time of day since midnight; else ``ValueError``.
+
+    A date whose day and month can be mistaken for each other does not count; times go on after midnight.
+    """
     found = CLOCK.fullmatch(cell)
     if found is None:
         raise ValueError(cell)
-    day, hours, minutes, seconds, part, _zone = found.groups()
+    day, hour, minutes, seconds, part, half = found.groups()
+    hours = int(hour) if half is None else int(hour) % 12 + 12 * (half in "pP")
     days = (datetime.fromisoformat(day) - datetime(1970, 1, 1)).days if day else 0  # differences only
     fraction = float(f"0.{part[1:]}") if part else 0.0
-    return days * 86400.0 + int(hours) * 3600 + int(minutes) * 60 + int(seconds) + fraction
+    return days * 86400.0 + hours * 3600 + int(minutes) * 60 + int(seconds) + fraction
 
 
 def number_of(cell: str, decimal: str) -> float:
     """Return a cell's number, NaN for one that is missing; ``ValueError`` where it is no number."""
     if NUMBER[decimal].fullmatch(cell):
+        cell = cell.translate(_PLAIN)
         if decimal == ",":
             return float(cell.replace(".", "").replace(",", "."))
         return float(cell.replace(",", ""))
@@ -96,6 +106,8 @@ class RowParser:
         if not line.strip():
             return None
         cells = self._dialect.split(line)
+        if len(cells) == self._width + 1 and not cells[-1]:
+            cells.pop()  # a tab before the comment of LabChart
         if len(cells) == self._width - 1 and self._dialect.delimiter and self._width - 1 not in self._columns:
             cells.append("")  # nobody wants what is missing
         if len(cells) != self._width:

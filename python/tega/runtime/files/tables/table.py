@@ -138,8 +138,7 @@ def judged_columns(
         column.constant, column.even = course == "constant", is_even(values)
         column.unix = unix_unit(values) if course in {"time", "counter"} else ""
         if at < len(text) and text[at]:
-            if column.holds != "time":
-                column.holds, column.why = "text", "values"
+            column.holds, column.why = "text", "values"
         elif course == "label" and name.role == "unknown":
             column.holds, column.why = "label", "values"
         elif course in {"time", "counter"} and name.role in {"unknown", "channel"}:
