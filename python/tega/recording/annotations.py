@@ -206,10 +206,8 @@ def export_annotations(recording: Path, path: Path, *, video: str = "") -> None:
     """
     if path.exists():
         raise InvalidValueError(f"{path}: is there already", "name a new file")
-    if video != printable(video):
-        raise InvalidValueError(
-            f"the name {printable(video)!r} cannot be written as text", "rename the video"
-        )
+    if video != (text := printable(video)):
+        raise InvalidValueError(f"the name {text!r} cannot be written as text", "rename the video")
     length_s = inspect_file(recording).duration_s
     raters = read_annotations(recording) or {"": []}
     raters = {

@@ -73,8 +73,7 @@ def origins(tables: Tables) -> list[dict[str, str]]:
         for step in steps:
             _ = step["made_by"], step["session"], step["file"], str(span({SPAN: step}))
     except (KeyError, ValueError, OverflowError) as error:
-        text = f"the table of a step that made it is damaged: {type(error).__name__}: {str(error)[:100]}"
-        raise RecordingError(text, "make it again from its source") from error
+        raise RecordingError(f"a step that made it is damaged: {error}"[:200], "make it again") from error
     return steps
 
 

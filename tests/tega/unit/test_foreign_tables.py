@@ -326,7 +326,9 @@ def test_markers_of_an_xdf_file_are_heard_at_their_times(tmp_path: Path) -> None
 def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
     import edfio
 
-    signal = edfio.EdfSignal(EMG[:, 0], RATE_HZ, label="EMG", physical_range=(-2000, 2000))
+    signal = edfio.EdfSignal(
+        EMG[:, 0], RATE_HZ, label="EMG", physical_dimension="uV", physical_range=(-2000, 2000)
+    )
     edfio.Edf([signal], annotations=[edfio.EdfAnnotation(4.5, None, "squeeze")]).write(tmp_path / "a.edf")
     whole = (tmp_path / "a.edf").read_bytes().replace(b"EDF+C", b"EDF+D")
     for second in (5, 4, 3):
@@ -335,6 +337,11 @@ def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
     found = read_signals(tmp_path / "b.edf")
     assert found.decision.faults == ["500 samples were lost in 1 gap, the longest 2000 ms"]
     assert found.starts == [(0, 0), (750, 1250)]
+    commas = (tmp_path / "a.edf").read_bytes().replace(b"-2000   ", b"-2000,0 ")
+    (tmp_path / "b.edf").write_bytes(commas)
+    np.testing.assert_allclose(read_signals(tmp_path / "b.edf").samples, EMG[:, :1], atol=0.05)
+    (tmp_path / "b.edf").write_bytes(commas.replace(b"-2000,0", b"none   "))
+    assert read_signals(tmp_path / "b.edf").decision.unit == "counts"
 
 
 def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ Interrupted recordings keep their times; events of WAV files, as SpikeRecorder w
 
 from __future__ import annotations
 
+import contextlib
 import io
 import re
 import warnings
@@ -55,10 +56,10 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
         raise RecordingError(f"{path.name}: holds no record", "copy or export it again")
     signals = first.signals
     names = [signal.label for signal in signals]
-    heads = [signal.data[:MOST_JUDGED] for signal in signals]
+    heads = [_data(signal)[:MOST_JUDGED] for signal in signals]
     n_head = min((len(head) for head in heads), default=0)
     head = np.column_stack([head[:n_head] for head in heads]) if heads else np.empty((0, 0))
-    columns = judged_columns(names, head, units=[signal.physical_dimension for signal in signals])
+    columns = judged_columns(names, head, units=list(map(_unit, signals)))
     counts = [signal.samples_per_data_record for signal in signals]
     rates = [count / layout.record_s if layout.record_s else 0.0 for count in counts]
     named = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "channel"]
@@ -82,12 +83,29 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
     return table
 
 
+def _data(signal: Any) -> Any:
+    """Return a signal's numbers, without a warning about one that has no range; those come as they are."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return signal.data
+
+
+def _unit(signal: Any) -> str:
+    with contextlib.suppress(ValueError):
+        if all(low != high for low, high in (signal.physical_range, signal.digital_range)):
+            return str(signal.physical_dimension)
+    return "counts"
+
+
 def _layout(path: Path) -> _Layout:
     with path.open("rb") as file:
         fixed = file.read(256)
+        fixed = fixed[:184] + fixed[184:].replace(b",", b".")  # some programs write decimal commas
         try:
             n_header, n_signals, record_s = int(fixed[184:192]), int(fixed[252:256]), float(fixed[244:252])
             header = fixed + file.read(n_header - 256)
+            ranges, end = 256 + 104 * n_signals, 256 + 136 * n_signals
+            header = header[:ranges] + header[ranges:end].replace(b",", b".") + header[end:]
             labels = [header[256 + 16 * k : 272 + 16 * k].strip() for k in range(n_signals)]
             at = 256 + 216 * n_signals
             counts = [int(header[at + 8 * k : at + 8 * k + 8]) for k in range(n_signals)]
@@ -113,7 +131,6 @@ def _parts(edfio: Any, path: Path, layout: _Layout) -> Iterator[Any]:
             n = min(n_part, layout.n_records - at)
             head = layout.header[:236] + str(n).ljust(8).encode() + layout.header[244:]
             with warnings.catch_warnings():
-                # A signal without a range, for one; its numbers come as they are.
                 warnings.simplefilter("ignore")
                 yield read(io.BytesIO(head + file.read(n * layout.record_bytes)), header_encoding="latin-1")
 
@@ -127,10 +144,7 @@ def _by_records(
             "name channels of one rate",
         )
     for part in _parts(edfio, path, layout):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            rows = np.column_stack([part.signals[k].data for k in columns])
-        yield rows
+        yield np.column_stack([_data(part.signals[k]) for k in columns])
 
 
 def _marks(edfio: Any, path: Path, layout: _Layout) -> tuple[NDArray[np.float64] | None, list[FileEvent]]:

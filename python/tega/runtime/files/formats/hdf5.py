@@ -73,7 +73,7 @@ def open_hdf5(path: Path, reading: Reading, *, transposed: bool = False) -> Tabl
             n_rows = len(array)
         table.notes += [picked.note] if picked.note else []
         attributes: dict[str, Any] = {}
-        clock = dataset.parent.get("starting_time", dataset)  # of a series in NWB
+        clock = dataset.parent.get("starting_time", file)  # NWB's
         for owner in (dataset, dataset.parent, clock, file):
             attributes |= {key: np.asarray(owner.attrs[key]) for key in owner.attrs if key not in attributes}
         add_clock(table, datasets | attributes, picked.name, n_rows)

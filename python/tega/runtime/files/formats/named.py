@@ -122,9 +122,8 @@ def add_clock(table: Table, arrays: Mapping[str, Any], name: str, n_rows: int) -
         elif table.times_s is None and key != name and size == n_rows > 1 and _TIME.fullmatch(last):
             times = np.asarray(as_array(value, table.file)).ravel()
             if times.dtype.kind in "iuf" and _parent(key) == _parent(name):
-                times = times.astype(np.float64)
                 unit_s = SECONDS.get(unix_unit(times) or judged(last).unit.lower())
-                table.times_s = to_seconds(times, unit_s, table.rate_hz)
+                table.times_s = to_seconds(times.astype(np.float64), unit_s, table.rate_hz)
                 if table.times_s is None:
                     table.notes.append(f'"{key}" is not used as time: it does not rise by steps of any unit')
 
@@ -195,14 +194,10 @@ def open_parquet(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as a
             not (types.is_integer(kind) or types.is_floating(kind) or time)
             for kind, time in zip(schema.types, times, strict=True)
         ]
-        head = np.full((0, len(text)), np.nan)
+        head = np.full((min(MOST_JUDGED, file.metadata.num_rows), len(text)), np.nan)
         for batch in file.iter_batches(batch_size=MOST_JUDGED):
-            head = np.column_stack(
-                [
-                    np.full(len(batch), np.nan) if is_text else _seconds_or_numbers(batch.column(k))
-                    for k, is_text in enumerate(text)
-                ]
-            )
+            for k in np.flatnonzero(np.logical_not(text)).tolist():
+                head[: len(batch), k] = _seconds_or_numbers(batch.column(k))
             break
         columns = judged_columns(schema.names, head, text=text)
     for column, is_time in zip(columns, times, strict=True):

@@ -95,10 +95,7 @@ def check_channels(file: str, channels: Sequence[int], n_columns: int) -> None:
 def _channels(file: str, columns: list[Column]) -> tuple[int, ...]:
     names = {column.name.lower() for column in columns}
     if "value" in names and names & {"variable", "channel", "sensor"}:
-        raise RecordingError(
-            f"{file}: a row per value (a long table), expected a row per sample",
-            "pivot it to a column per channel",
-        )
+        raise RecordingError(f"{file}: a row per value (a long table)", "pivot it to a column per channel")
     named = [c.number for c in columns if c.holds == "channel"]
     unknown = [c for c in columns if c.holds == "unknown"]
     moving = [c for c in unknown if not c.constant]

@@ -32,7 +32,7 @@ _FEWEST_LABELS = 200
 
 # Seconds since 1970 in this range are a date between 2001 and 2096; the same in ms, µs and ns.
 _UNIX_S = (1e9, 4e9)
-# No muscle is sampled less often.
+# Microseconds since a board was switched on can be as large, and rise faster.
 _LONGEST_STEP_S = 0.5
 
 
@@ -174,10 +174,7 @@ def _rising(steps: NDArray[np.float64], moved: NDArray[np.float64], step: float,
 
 
 def unix_unit(values: NDArray[np.float64]) -> str:
-    """Return the unit in which values are times since 1970: ``s``, ``ms``, ``us``, ``ns``; ``""`` if they are not.
-
-    Units of a device's own clock, such as microseconds since it was switched on, can be as large; they rise faster.
-    """
+    """Return the unit in which values are times since 1970: ``s``, ``ms``, ``us``, ``ns``; ``""`` if they are not."""
     values = values[np.isfinite(values)]
     middle, step = (float(np.median(values)), slope_of(values)) if len(values) else (0.0, None)
     for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6), ("ns", 1e9)):

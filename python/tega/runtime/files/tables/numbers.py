@@ -31,10 +31,7 @@ _HEAD_BYTES = 65_536
 
 
 def clock_s(cell: str) -> float:
-    """Return a date and time as seconds since 1970, a time of day since midnight; else ``ValueError``.
-
-    A date whose day and month can be mistaken for each other does not count; times go on after midnight.
-    """
+    """Return seconds since 1970, or since midnight for a time without a date as in ISO 8601; else ``ValueError``."""
     found = CLOCK.fullmatch(cell)
     if found is None:
         raise ValueError(cell)
