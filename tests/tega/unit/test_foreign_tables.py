@@ -22,6 +22,7 @@ from tega.records import HeardMarker, Intent
 from tega.records.bus import Bus
 from tega.runtime.files.formats import OTHERS as OTHER_FORMATS
 from tega.runtime.files.signals import Signals, read_signals
+from tega.runtime.files.tables.header import stated_rate
 from tega.runtime.files.tables.table import Reading
 from tega.runtime.files.tables.timing import lost_by_counter
 
@@ -218,6 +219,33 @@ def test_tables_of_other_programs(head: str, row: str, tmp_path: Path) -> None:
     (tmp_path / "a.txt").write_text("\n".join(lines).translate(french) + "\n")
     found = same(read_signals(tmp_path / "a.txt"), values)
     assert (len(found.samples), found.channels[-1] - found.channels[0], found.rate_hz) == (N, 2, RATE_HZ)
+
+
+def test_what_is_no_table_of_samples_is_refused(write: Write) -> None:
+    listed = [[f"[{a:.2f}", f"{b:.2f}", f"{c:.2f}]"] for a, b, c in EMG.tolist()]
+    with pytest.raises(RecordingError, match=r"a number among other signs: '\[.*name the channels"):
+        read_signals(write(listed, sep=" "))
+    assert same(read_signals(write([[*row, "", "", ""] for row in EMG.tolist()], "a,b,c,,,"))).channels == (
+        1,
+        2,
+        3,
+    )
+
+
+@pytest.mark.parametrize(
+    ("line", "rate_hz"),
+    [
+        *(("Sample rate: 1,000 Hz", 1000.0), ("fs = 2.000", 2000.0), ("2,148.15 Hz", 2148.15)),
+        *(
+            ("Notch frequency: 50 Hz", None),
+            ("High-pass 20 Hz", None),
+            ("20-450 Hz", None),
+            ("fs: 0.5 kHz", 500.0),
+        ),
+    ],
+)
+def test_a_rate_before_the_table_is_that_of_the_samples(line: str, rate_hz: float | None) -> None:
+    assert stated_rate([line]) == rate_hz
 
 
 def test_arrays_with_times_of_any_unit_and_columns_of_one_name(tmp_path: Path) -> None:

@@ -17,7 +17,10 @@ _RATE = re.compile(
     r"[^\d\n]{0,24}(\d[\d.,]*)\s*(k?)",
     re.IGNORECASE,
 )
-_HERTZ = re.compile(r"(?<![\w.])(\d[\d.]*)\s*(k?)Hz\b", re.IGNORECASE)
+_GROUPING = re.compile(r"[.,](?=.*[.,])")
+_LEAST_HZ = 10.0
+_HERTZ = re.compile(r"(?<![\w.,-])(\d[\d.,]*)\s*(k?)Hz\b", re.IGNORECASE)
+_FILTER = re.compile(r"filter|notch|pass|cut-?off|corner|band|mains|line", re.IGNORECASE)
 # Seconds a sample: LabVIEW, LabChart, AcqKnowledge.
 _STEP = re.compile(
     r"^(?:delta_x|interval=)\s*([\d.,eE+-]+)\s*(m|u|µ)?s?|^([\d.,]+)\s*(m|u|µ)?s(?:ec)?/sample", re.IGNORECASE
@@ -78,8 +81,9 @@ def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
         line for at, line in enumerate(lines[:first]) if line.strip() and (not names or at not in taken)
     ]
     n_columns = width
-    empty = width > 1 and all(not cells[at][-1] for at in body if at >= first)
-    if empty and (not names or len(names) < width or not names[-1]):
+    while (
+        n_columns > 1 and not any(names[n_columns - 1 :]) and not any(cells[at][n_columns - 1] for at in body)
+    ):
         n_columns -= 1
     named = names[:n_columns] + [""] * max(0, n_columns - len(names)) if names else []
     clock = [bool(rows) and all(CLOCK.fullmatch(row[c]) for row in rows[-5:]) for c in range(width)]
@@ -96,11 +100,14 @@ def stated_rate(preamble: Sequence[str]) -> float | None:
     found: dict[bool, set[float]] = {True: set(), False: set()}
     for line in preamble:
         of_emg = "emg" in line.lower()
+        if _FILTER.search(line) and "sampl" not in line.lower():
+            continue
         for digits, kilo in _RATE.findall(line) or _HERTZ.findall(line):
-            try:
-                rate_hz = float(digits.rstrip(".,").replace(",", ".")) * (1000.0 if kilo else 1.0)
-            except ValueError:
-                continue
+            # All signs but the last one group thousands; the last one does, too, where the rate would be no rate.
+            number = _GROUPING.sub("", digits.rstrip(".,")).replace(",", ".")
+            rate_hz = float(number) * (1000.0 if kilo else 1.0)
+            if rate_hz < _LEAST_HZ and re.fullmatch(r"\d{1,3}\.\d{3}", number):
+                rate_hz *= 1000.0
             if 1.0 <= rate_hz <= 1e6:
                 found[of_emg].add(rate_hz)
         if step := _STEP.match(line):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -13,11 +14,13 @@ from tega.runtime.files.tables.decide import check_channels
 from tega.runtime.files.tables.dialect import Dialect, find_dialect, uncommented
 from tega.runtime.files.tables.encoding import Encoding, Lines, find_encoding, head_of, read_lines
 from tega.runtime.files.tables.header import Header, find_header, stated_rate
-from tega.runtime.files.tables.numbers import RowParser, number_of
+from tega.runtime.files.tables.numbers import RowParser, displayed, number_of
 from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one, judged_columns, oriented
 
 _HEAD_BYTES = 65_536
 _FEWEST_LINES = 64
+# As in JSON and in printed lists: what is left out of them would not be seen.
+_GLUED = re.compile(r"[\[({=]\s*[-+]?[\d.]|\d\s*[\])}]")
 _SIGNS = {"auto": "", "point": ".", "comma": ","}
 
 
@@ -39,6 +42,10 @@ def open_text(path: Path, reading: Reading) -> Table:
     # Only the first rows are judged, cell by cell, since a column of them may hold words.
     head = np.array([[_value(cell, dialect.decimal) for cell in row[:n]] for row in rows]).reshape(-1, n)
     words = [not (number or clock) for number, clock in zip(header.numeric, header.clock, strict=True)]
+    glued = [row[at] for at in range(n) if words[at] for row in rows[-1:] if _GLUED.search(row[at])]
+    if glued and not reading.channels:
+        text = f"{path.name}: a number among other signs: {displayed(glued[0])}"
+        raise RecordingError(text, "export a table of numbers alone, or name the channels")
     columns = judged_columns(header.names, head, units=header.units, text=words)
     for column, clock, number in zip(columns, header.clock, header.numeric, strict=False):
         if clock and not number:
