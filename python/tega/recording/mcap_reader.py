@@ -227,11 +227,7 @@ class McapReader:
         """Read the file's parts from where it stands: where each begins, and the records in it."""
         begins = file.tell()
         reader = _pass_reader()(
-            file,
-            skip_magic=begins > 0,
-            emit_chunks=True,
-            validate_crcs=True,
-            record_size_limit=MOST_RECORD,
+            file, skip_magic=begins > 0, emit_chunks=True, validate_crcs=True, record_size_limit=MOST_RECORD
         )
         for record in reader.records:
             if begins >= ends:

@@ -81,9 +81,7 @@ def find_header(lines: Sequence[str], dialect: Dialect, name: str) -> Header:
         line for at, line in enumerate(lines[:first]) if line.strip() and (not names or at not in taken)
     ]
     n_columns = width
-    while (
-        n_columns > 1 and not any(names[n_columns - 1 :]) and not any(cells[at][n_columns - 1] for at in body)
-    ):
+    while n_columns > 1 and not any([*names[n_columns - 1 :], *(cells[at][n_columns - 1] for at in body)]):
         n_columns -= 1
     named = names[:n_columns] + [""] * max(0, n_columns - len(names)) if names else []
     clock = [bool(rows) and all(CLOCK.fullmatch(row[c]) for row in rows[-5:]) for c in range(width)]

@@ -61,15 +61,8 @@ def open_text(path: Path, reading: Reading) -> Table:
                 yield parser.parse(block.first + skip, block.lines[skip:])
 
     kind = "OpenBCI GUI" if any("OpenBCI" in line for line in header.preamble[:4]) else "text"
-    return Table(
-        path.name,
-        kind,
-        columns,
-        read_columns,
-        facts,
-        rate_hz,
-        "the lines before the table" if rate_hz else "",
-    )
+    rate_from = "the lines before the table" if rate_hz else ""
+    return Table(path.name, kind, columns, read_columns, facts, rate_hz, rate_from)
 
 
 def _facts(header: Header, dialect: Dialect, encoding: Encoding) -> dict[str, str]:
