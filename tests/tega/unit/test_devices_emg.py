@@ -61,9 +61,7 @@ def test_text_is_read_whatever_its_habits(tmp_path: Path, text: str) -> None:
         ("e.mat", {"data": ROWS, "raw": ROWS}, {"variable": "data"}, ROWS),
     ],
 )
-def test_what_is_asked_for_is_given_in_its_order(
-    name: str, content: Any, how: dict[str, Any], samples: Any, tmp_path: Path
-) -> None:
+def test_what_is_asked_for_is_given_in_its_order(name, content, how, samples, tmp_path):
     found = read(tmp_path / name, content, **how)
     np.testing.assert_array_equal(found.samples, samples)
     assert found.samples.dtype == np.float64
@@ -93,16 +91,12 @@ def test_what_is_asked_for_is_given_in_its_order(
         ("e.mat", b"no matlab, but long enough for a header" * 9, {}, r"not a MATLAB file|MATLAB 7\.3"),
     ],
 )
-def test_what_cannot_be_read_is_named(
-    name: str, content: Any, how: dict[str, Any], message: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_read_is_named(name, content, how, message, tmp_path):
     with pytest.raises(RecordingError, match=message):
         read(tmp_path / name, content, **how)
 
 
-def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mat_file_that_inflates_beyond_what_is_read_is_refused(tmp_path, monkeypatch):
     monkeypatch.setattr("tega.runtime.files.formats.hdf5.MOST_MIB", 1)
     path = tmp_path / "e.mat"
     scipy.io.savemat(path, {"emg": ROWS, "big": np.zeros(200_000)}, do_compression=True)
@@ -115,11 +109,8 @@ def test_a_mat_file_with_an_object_beside_the_samples_is_read(recordings: Path) 
     assert read_signals(path).samples.shape == (8803, 8)
     with pytest.raises(RecordingError, match="has no variable 'other'; it has: Force, "):
         read_signals(path, Reading(variable="other"))
-
-
-def test_a_missing_file(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"none\.csv: no such EMG file"):
-        read_signals(tmp_path / "none.csv")
+        read_signals(path.with_name("none.csv"))
 
 
 def test_chunks_are_stamped_with_the_time_of_their_last_sample(tmp_path: Path) -> None:
