@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Events coded in BORIS and ELAN: states, modifiers, comments, and the forms in which spreadsheets hand them on."""
 
 from __future__ import annotations
@@ -121,9 +122,7 @@ def test_comments_may_hold_anything(tmp_path: Path) -> None:
         ([row("slip", "PERHAPS", "3")], "behaviour type 'PERHAPS'"),
     ],
 )
-def test_an_event_without_a_time_or_an_end_is_refused(
-    rows: list[list[str]], message: str, tmp_path: Path
-) -> None:
+def test_an_event_without_a_time_or_an_end_is_refused(rows, message, tmp_path):
     (tmp_path / "a.tsv").write_text(table(rows))
     with pytest.raises(RecordingError, match=rf"a\.tsv: .*{message}"):
         read_boris(tmp_path / "a.tsv")
@@ -131,9 +130,7 @@ def test_an_event_without_a_time_or_an_end_is_refused(
 
 @_FEW
 @given(events=coded(), packed=st.booleans(), offset_s=st.sampled_from([0.0, 12.5]))
-def test_a_project_keeps_what_was_coded(
-    events: list[CodedEvent], packed: bool, offset_s: float, tmp_path: Path
-) -> None:
+def test_a_project_keeps_what_was_coded(events, packed, offset_s, tmp_path):
     states = ["deformation"]
     project = boris_project(
         name="a", description="", behaviours=[BorisBehaviour(c, c[0], is_state=c in states) for c in CODES],
@@ -156,9 +153,7 @@ def test_a_bomb_of_zeros_is_not_unpacked(tmp_path: Path) -> None:
 
 @_FEW
 @given(raters=st.dictionaries(st.sampled_from(["r1", "r2"]), coded(), max_size=2))
-def test_elan_keeps_what_was_coded_and_pympi_reads_it(
-    raters: dict[str, list[CodedEvent]], tmp_path: Path
-) -> None:
+def test_elan_keeps_what_was_coded_and_pympi_reads_it(raters, tmp_path):
     path = tmp_path / "a.eaf"
     write_eaf(path, raters, codes=CODES, media="front.mp4")
     found = read_eaf(path, CODES)
@@ -200,9 +195,7 @@ ENTITIES = [
         *((text, "is no ELAN file") for text in (b"", b"<A", b"<A><TIRE></TIER></A>")),
     ],
 )
-def test_a_damaged_elan_file_entities_and_types_of_document_are_refused(
-    content: bytes, message: str, tmp_path: Path
-) -> None:
+def test_a_damaged_elan_file_entities_and_types_of_document_are_refused(content, message, tmp_path):
     (tmp_path / "a.eaf").write_bytes(content)
     with pytest.raises(RecordingError, match=message):
         read_eaf(tmp_path / "a.eaf")
@@ -267,18 +260,14 @@ def test_a_state_counts_once_and_keeps_length_modifiers_and_comment(study: Path,
         ("Observation id,Behavior,Time\np01_t01_a2,slip,1\n", "was not run"),
     ],
 )
-def test_events_of_no_trial_or_outside_of_it_are_refused_and_change_nothing(
-    text: str, message: str, study: Path, tmp_path: Path
-) -> None:
+def test_events_of_no_trial_or_outside_of_it_are_refused_and_change_nothing(text, message, study, tmp_path):
     (tmp_path / "a.tsv").write_text(text)
     with pytest.raises(RecordingError, match=message):
         import_boris(study, tmp_path / "a.tsv", "r1")
     assert "r1" not in read_observers(study, "p01")
 
 
-def test_a_state_without_an_end_lasts_to_the_trials_end_and_is_noted(
-    study: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_state_without_an_end_lasts_to_the_trials_end_and_is_noted(study, tmp_path, caplog):
     (tmp_path / "a.tsv").write_text(table([row("deformation", "START", "2")]))
     import_boris(study, tmp_path / "a.tsv", "r1")
     (state,) = coded_of(study, "r1")
@@ -311,9 +300,7 @@ def test_keys_code_events_at_the_moment_that_is_played(tmp_path: Path) -> None:
         read_annotations(recording)
 
 
-def test_any_recording_is_annotated_by_boris_and_elan(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_any_recording_is_annotated_by_boris_and_elan(tmp_path, capsys):
     recorded = record(tmp_path / "session")
     boris, elan = tmp_path / "out.boris", tmp_path / "out.eaf"
     call(capsys, "recording", "annotate", recorded, "--boris", boris)

@@ -71,9 +71,7 @@ def test_the_validator_finds_no_error_in_all_people_of_a_study(capsys, folder: P
     assert [one["subCode"] for one in found if one["severity"] == "error"] == ["EMGReference"]
 
 
-def test_every_sample_is_there_to_half_a_step_and_every_event_at_its_time(
-    folder: Path, tmp_path: Path, recording: Path
-) -> None:
+def test_every_sample_is_there_to_half_a_step_and_every_event_at_its_time(folder, tmp_path, recording):
     made = export_bids(folder, tmp_path / "bids")
     assert made.people == ("sub-p01", "sub-p02")
     for path in made.runs:
@@ -101,9 +99,7 @@ def test_every_sample_is_there_to_half_a_step_and_every_event_at_its_time(
     assert [row["participant_id"] for row in people] == list(made.people)
 
 
-def test_lost_samples_are_zero_and_named_and_those_that_contradict_each_other_an_error(
-    tmp_path: Path, recording: Path
-) -> None:
+def test_lost_samples_are_zero_and_named_and_those_that_contradict_each_other_an_error(tmp_path, recording):
     def read(first: Callable[[int], int]) -> Muscles | None:
         def change(topic: str, value: Any) -> Any:
             if topic == "/emg/samples":
@@ -124,9 +120,7 @@ def test_lost_samples_are_zero_and_named_and_those_that_contradict_each_other_an
     assert [(gap.kind, round(gap.duration_s, 9)) for gap in gaps][-1] == ("padding", (-1720 % 100) / 1000)
 
 
-def test_who_has_withdrawn_is_not_in_it_and_without_signals_nothing_is_left(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_who_has_withdrawn_is_not_in_it_and_without_signals_nothing_is_left(folder, tmp_path):
     withdraw(folder, "p01")
     assert export_bids(folder, tmp_path / "bids").people == ("sub-p02",)
     for path in (folder / "recordings").rglob("*.mcap"):

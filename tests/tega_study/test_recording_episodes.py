@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Episodes outside studies: a key or pedal starts, keeps, discards and does again; what is discarded leaves a line."""
 
 from __future__ import annotations
@@ -264,9 +265,7 @@ def called(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> st
 
 
 @pytest.mark.slow
-def test_recordings_are_labelled_anew_and_stay_as_they_are(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_recordings_are_labelled_anew_and_stay_as_they_are(tmp_path, capsys):
     folder = tmp_path / "s"
     before = [record(folder).read_bytes() for _ in range(2)]
     named = json.loads(called(capsys, "relabel", str(folder), "--task", "lift the bag", "--json"))
@@ -280,9 +279,7 @@ def test_recordings_are_labelled_anew_and_stay_as_they_are(
 
 
 @pytest.mark.slow
-def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_pictures_are_encoded_anew_and_all_else_is_copied_as_it_is(tmp_path, capsys):
     whole = record(tmp_path / "whole")
     SessionFolder(whole.parent).label("lift", [])
     (small,) = encode_session(whole.parent, out=tmp_path / "small", quality=60)

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """A session travels as one file: whole, checked byte by byte, and the same study's folder where it is opened."""
 
 from __future__ import annotations
@@ -129,9 +130,7 @@ def same_path(_held: dict[str, bytes], manifest: dict[str, Any]) -> None:
     manifest["files"][0]["path"] = manifest["files"][1]["path"]
 
 
-def test_links_are_told_and_not_followed_and_a_withdrawal_tells_of_the_bundle(
-    study: Path, tmp_path: Path
-) -> None:
+def test_links_are_told_and_not_followed_and_a_withdrawal_tells_of_the_bundle(study, tmp_path):
     (tmp_path / "diary.txt").write_text("private")
     (study / "sessions/p01/diary.txt").symlink_to(tmp_path / "diary.txt")
     (study / "sessions/p01/a note.txt").write_text("a blank in its name")
@@ -227,9 +226,7 @@ def twice(held: dict[str, bytes], manifest: dict[str, Any]) -> None:
                        "sessions/p01/now.json", "sessions/p02/events.jsonl", "sessions/p01/events.jsonl.lock")),
     ],
 )  # fmt: skip
-def test_what_was_changed_on_the_way_is_refused_and_nothing_is_left(
-    change: Change, message: str, bundle: Path, tmp_path: Path
-) -> None:
+def test_what_was_changed_on_the_way_is_refused_and_nothing_is_left(change, message, bundle, tmp_path):
     foreign = rewritten(bundle, change)
     before = sorted(tmp_path.rglob("*"))
     with pytest.raises(TegaError, match=message):
@@ -253,9 +250,7 @@ def test_a_bundle_that_was_cut_short_is_told(cut: slice, bundle: Path, tmp_path:
 
 
 @pytest.mark.parametrize("name", [RECORDING, "sessions/p01/events.jsonl"])
-def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(
-    name: str, bundle: Path, tmp_path: Path
-) -> None:
+def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(name, bundle, tmp_path):
     with zipfile.ZipFile(bundle) as packed:
         entry = packed.getinfo(name)
     content = bytearray(bundle.read_bytes())
@@ -267,9 +262,7 @@ def test_a_bit_that_has_tipped_is_told_with_the_name_of_its_file(
 
 
 @pytest.mark.usefixtures("study")
-def test_the_verbs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_verbs(tmp_path, monkeypatch, capsys):
     def called(*words: str, code: int = 0) -> str:
         return call(capsys, "study", *words, code=code)[0]
 

@@ -95,9 +95,7 @@ def test_a_clip_is_the_trial_picture_by_picture(whole: Path) -> None:
 
 
 @pytest.mark.slow
-def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(
-    folder: Path, tmp_path: Path, recording: Path
-) -> None:
+def test_two_studies_that_differ_in_the_condition_alone_give_the_same_clips(folder, tmp_path, recording):
     """What the vest changes in a recording differs as well: its frames, the settings, the muscles, the measures."""
     one, other_of = planned(), {"haptic": "non-haptic", "non-haptic": "haptic"}
     flipped = tuple(msgspec.structs.replace(t, condition=other_of[t.condition]) for t in one.trials)
@@ -204,9 +202,7 @@ def test_an_account_is_live_or_of_clips(made: Path, tmp_path: Path) -> None:
         make_clips(made, tmp_path / "live", "r3")
 
 
-def test_boris_opens_the_project_and_finds_its_media_and_a_behaviour_that_is_none(
-    whole: Path, tmp_path: Path
-) -> None:
+def test_boris_opens_the_project_and_finds_its_media_and_a_behaviour_that_is_none(whole, tmp_path):
     opened = boris_project(whole / "r1" / "r1.boris", media=True)
     if opened is None:
         pytest.skip("pip install boris-behav-obs, or TEGA_BORIS names a Python that has it")
@@ -292,9 +288,7 @@ def test_proposals_are_confirmed_rejected_moved_and_added_to(made: Path, tmp_pat
     assert slips.delay_s == pytest.approx(0.02)
 
 
-def test_a_clip_with_an_open_proposal_counts_in_no_comparison_and_comments_are_a_rater_s_own(
-    made: Path, tmp_path: Path
-) -> None:
+def test_a_clip_with_an_open_proposal_counts_in_no_comparison_and_comments_are_a_rater_s_own(made, tmp_path):
     project, words = tmp_path / "r1" / "r1.boris", ("#", "#x", "#²", "#99999", "# 0", "")
     verdicts = {"rule 0.5": "confirmed", "detector 0.5": "delete", "detector 0.9": "proposed"}
     coded(project, decide(verdicts))

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """A person before a filmed bench: led by keys in a terminal, scored by rule, coded in BORIS, reported, sent on."""
 
 from __future__ import annotations
@@ -177,9 +178,7 @@ def test_every_trial_is_filmed_into_its_own_recording(filmed: Filmed) -> None:
         assert shown_s(own(filmed.folder, trial))[0] < starts[trial] / 1e9
 
 
-def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
-    filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(filmed, tega, tmp_path):
     folder = filmed.folder
     starts = started_ns(folder)
     for one in filmed.trials:
@@ -224,9 +223,7 @@ def test_the_camera_scores_them_by_rule_and_a_rater_codes_them_in_boris(
     assert "camera" in Path(tega("study", "report", folder)["page"]).read_text(encoding="utf-8")
 
 
-def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_alone(
-    filmed: Filmed, tega: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_the_bundle_is_the_same_session_elsewhere_and_is_measured_from_itself_alone(filmed, tega, tmp_path):
     folder = filmed.folder
     bundle = tmp_path / "p01.zip"
     tega("study", "bundle", folder, "p01", bundle)

@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """A study's files: never overwritten, damage named, withdrawal, the anonymised copy, objects and forms beside them."""
 
 from __future__ import annotations
@@ -136,9 +137,7 @@ def test_withdrawal_deletes_a_person_everywhere_and_only_them(folder: Path) -> N
         withdraw(folder, "p99")
 
 
-def test_a_withdrawal_that_was_cut_short_is_told_and_finished_by_asking_again(
-    folder: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_withdrawal_that_was_cut_short_is_told_and_finished_by_asking_again(folder, caplog):
     run_all(folder, "p01")
     (folder / "withdrawn.txt").write_text("p01\n")
     assert study_trials(folder)[1] == []
@@ -190,9 +189,7 @@ def test_withdrawal_tells_of_every_trace_that_it_does_not_delete(folder: Path, t
     assert (folder / "p011.txt").exists()
 
 
-def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(
-    folder: Path, tmp_path: Path
-) -> None:
+def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(folder, tmp_path):
     for person in ("p01", "p02", "p03"):
         run_all(folder, person)
     withdraw(folder, "p02")
@@ -305,9 +302,7 @@ def test_a_link_in_the_place_of_a_photo_is_replaced_and_not_followed(study: Path
     assert (tmp_path / "mine.txt").read_text() == "mine"
 
 
-def test_it_goes_along_with_the_data_and_photos_stay_out_of_what_is_published(
-    study: Path, tmp_path: Path
-) -> None:
+def test_it_goes_along_with_the_data_and_photos_stay_out_of_what_is_published(study, tmp_path):
     (tmp_path / "photo.jpg").write_bytes(PHOTO)
     bag = note_object(study, "bag", mass_g=32.0, photo=tmp_path / "photo.jpg")
     write_bundle(study, "p01", tmp_path / "p01.zip")

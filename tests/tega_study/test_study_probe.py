@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Sounds of a session: masking noise, pink and without a click, and the beeps of a second task, which are scored."""
 
 from __future__ import annotations
@@ -67,10 +68,7 @@ def event(kind: Kind, t_s: float) -> JournalEvent:
         ([], [], 10.0, 0, 0, 0, None),
     ],
 )
-def test_a_press_answers_the_beep_before_it(
-    beeps_s: list[float], presses_s: list[float], end_s: float, beeps: int, answered: int, false: int,
-    reaction_s: float | None,
-) -> None:  # fmt: skip
+def test_a_press_answers_the_beep_before_it(beeps_s, presses_s, end_s, beeps, answered, false, reaction_s):  # fmt: skip
     events = [event("beep", t) for t in beeps_s] + [event("answer", t) for t in presses_s]
     score = score_beeps(events, round(end_s * 1e9))
     assert score[:3] == (beeps, answered, false)
@@ -253,9 +251,7 @@ def test_it_plays_through_portaudio_and_ends_in_silence(port: SoundPort) -> None
     assert not played[-1].any()
 
 
-def test_without_a_loudspeaker_package_or_level_it_says_what_to_do(
-    port: SoundPort, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_loudspeaker_package_or_level_it_says_what_to_do(port, monkeypatch):
     port.present = False
     with pytest.raises(DeviceUnavailableError, match=r"does not open.*set masking\.output"):
         MaskingSound(QUIET).open()

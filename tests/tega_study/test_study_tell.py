@@ -1,3 +1,4 @@
+# mypy: allow-untyped-defs, allow-incomplete-defs, allow-untyped-calls, allow-untyped-decorators
 """Another program leads a session; trials that break off are repeated; arm and fingertips measure lift and drop."""
 
 from __future__ import annotations
@@ -108,9 +109,7 @@ def test_commands_press_the_keys_of_the_screen(tmp_path: Path) -> None:
     assert {key for keys in KEYS.values() for key in keys} <= set("sdxueazq \n")
 
 
-def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_where_nobody_leads_a_command_is_refused_and_not_kept_for_later(folder, capsys):
     with pytest.raises(DeviceUnavailableError, match="no program leads the session of p01"):
         notify(folder, "p01", "start", clock=SystemClock())
     assert not commands_path(folder, "p01").exists()
@@ -158,9 +157,7 @@ def _status(folder: Path, capsys: pytest.CaptureFixture[str]) -> tuple[dict[str,
     return found["participants"][0], call(capsys, "study", "status", folder)[0]
 
 
-def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(folder, capsys):
     desk = _Desk(["a", "a", "a"])
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001, trials=3)
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))
@@ -171,9 +168,7 @@ def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(
     assert "broken off and to be repeated: 1" in desk.said[-1]
 
 
-def test_a_trial_is_given_up_by_key_and_the_end_says_so(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_trial_is_given_up_by_key_and_the_end_says_so(folder, capsys):
     desk = _Desk(["a", "z"], {"trial 1 of 2, again": "k"})
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001)
     assert "give up trial 1" in desk.offered
@@ -207,9 +202,7 @@ class _Broken(StandingBench):
 
 
 @pytest.mark.parametrize(("begins", "message"), [(True, "broke off 3 times"), (False, "cannot begin")])
-def test_a_session_without_an_experimenter_does_not_repeat_for_ever(
-    *, begins: bool, message: str, folder: Path
-) -> None:
+def test_a_session_without_an_experimenter_does_not_repeat_for_ever(*, begins, message, folder):
     with pytest.raises(DeviceUnavailableError, match=f"{message}: the amplifier is gone"):
         lead_session(folder, "p01", _Broken(begins=begins), _Desk([]), time_scale=0.001, auto=True)
     kinds = [event.kind for event in read_events(events_path(folder, "p01"))]

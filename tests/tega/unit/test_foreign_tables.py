@@ -223,14 +223,9 @@ def test_what_is_no_table_of_samples_is_refused(write: Write) -> None:
         read_signals(write(listed, sep=" "))
     found = same(read_signals(write([[*row, "", "", ""] for row in EMG.tolist()], "a,b,c,,,")))
     assert found.channels == (1, 2, 3)
-    rates = {
-        "Sample rate: 1,000 Hz": 1000.0,
-        "fs = 2.000": 2000.0,
-        "2,148.15 Hz": 2148.15,
-        "fs: 0.5 kHz": 500.0,
-    }
-    rates |= dict.fromkeys(("Notch frequency: 50 Hz", "High-pass 20 Hz", "20-450 Hz"))  # of filters
-    assert {line: stated_rate([line]) for line in rates} == rates
+    stated = {"Sample rate: 1,000 Hz": 1000.0, "fs = 2.000": 2000.0, "2,148.15 Hz": 2148.15}
+    assert {line: stated_rate([line]) for line in stated} == stated
+    assert not any(stated_rate([line]) for line in ("Notch frequency: 50 Hz", "High-pass 20 Hz", "20-450 Hz"))
 
 
 def test_arrays_with_times_of_any_unit_and_columns_of_one_name(tmp_path: Path) -> None:

@@ -86,13 +86,11 @@ def test_inspect_detects_a_clock_that_was_set_and_a_wrong_checksum(lossless, tmp
             value.t_ns -= 160_000_000
         return value
 
-    found = inspect_file(rewritten(lossless, tmp_path / "a.mcap", set_back))
-    streams = {one.topic: one for one in found.streams}
-    assert streams["/emg/samples"].back == 1
-    assert streams["/emg/samples"].rate_hz == pytest.approx(1000.0)
+    changed = rewritten(lossless, tmp_path / "a.mcap", set_back)
+    (emg,) = (one for one in inspect_file(changed).streams if one.topic == "/emg/samples")
+    assert [emg.back, emg.rate_hz] == pytest.approx([1, 1000.0])
     data = lossless.read_bytes()
     *_, last = (r for r in StreamReader(BytesIO(data), emit_chunks=True).records if isinstance(r, Chunk))
-    changed = tmp_path / "changed.mcap"
     changed.write_bytes(data.replace(last.uncompressed_crc.to_bytes(4, "little"), b"\1\2\3\4", 1))
     assert "damaged or cut (CRCValidationError)" in call(capsys, "recording", "inspect", changed)[0]
 
