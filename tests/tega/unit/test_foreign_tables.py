@@ -324,11 +324,15 @@ def test_a_loss_longer_than_a_second_takes_its_time(write: Write, tmp_path: Path
 
 
 def test_markers_of_an_xdf_file_are_heard_at_their_times(tmp_path: Path) -> None:
-    times_s = (50.0 + T_S).tolist()
+    amp = Received(xdf_header("amp", "EMG", 3), EMG.tolist(), (50.0 + T_S).tolist())
     marks = Received(xdf_header("buttons", "Markers", 1, rate_hz=0.0), [[7.0], [8.0]], [51.0, 53.5])
-    write_xdf(tmp_path / "a.xdf", [marks, Received(xdf_header("amp", "EMG", 3), EMG.tolist(), times_s)])
+    write_xdf(tmp_path / "a.xdf", [marks, amp])
     _, markers, _ = levels({"file": str(tmp_path / "a.xdf")}, tmp_path)
     assert [(one.t_ns, one.text) for one in markers] == [(1_000_000_000, "7.0"), (3_500_000_000, "8.0")]
+    write_xdf(tmp_path / "a.xdf", [amp, amp])  # an outlet that was started again
+    with pytest.raises(RecordingError, match=r"no single stream is called 'amp'; .* give the number of one"):
+        read_signals(tmp_path / "a.xdf", Reading(variable="amp"))
+    same(read_signals(tmp_path / "a.xdf", Reading(variable="2")))
 
 
 def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:

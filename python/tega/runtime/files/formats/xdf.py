@@ -83,7 +83,7 @@ def _open(pyxdf: Any, path: Path, reading: Reading) -> Table:
 
 
 def _chosen(streams: Sequence[dict[str, Any]], variable: str, file: str) -> dict[str, Any]:
-    named = [one for one in streams if one.get("name") == variable]
+    named = [one for one in streams if variable in {one.get("name"), str(one["stream_id"])}]
     numeric = [one for one in streams if not _is_marks(one)]
     typed = [one for one in numeric if str(one.get("type", "")).lower() == "emg"]
     like = [
@@ -95,12 +95,11 @@ def _chosen(streams: Sequence[dict[str, Any]], variable: str, file: str) -> dict
             return found[0]
         if found:
             break
-    listed = ", ".join(f"{one.get('name')!r} ({one.get('type')})" for one in streams[:_MOST_LISTED])
+    there = (f"{one['stream_id']} {one.get('name')!r} ({one.get('type')})" for one in streams[:_MOST_LISTED])
+    text = "EMG by its type or name" if variable == "emg" else f"called {variable!r}"
     raise RecordingError(
-        f"{file}: no single stream is EMG by its type or name"
-        if variable == "emg"
-        else f"{file}: has no stream {variable!r}",
-        f"it has: {listed or 'none'}; name one of them as the variable",
+        f"{file}: no single stream is {text}",
+        f"it has: {', '.join(there) or 'none'}; give the number of one as the variable",
     )
 
 
