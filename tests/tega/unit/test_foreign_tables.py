@@ -217,12 +217,15 @@ def test_tables_of_other_programs(head: str, row: str, tmp_path: Path) -> None:
     assert (len(found.samples), found.channels[-1] - found.channels[0], found.rate_hz) == (N, 2, RATE_HZ)
 
 
-def test_what_is_no_table_of_samples_is_refused(write: Write) -> None:
+def test_lines_before_the_samples_and_what_is_no_table_of_them(write: Write) -> None:
     listed = [[f"[{a:.2f}", f"{b:.2f}", f"{c:.2f}]"] for a, b, c in EMG.tolist()]
     with pytest.raises(RecordingError, match=r"a number among other signs: '\[.*name the channels"):
         read_signals(write(listed, sep=" "))
     found = same(read_signals(write([[*row, "", "", ""] for row in EMG.tolist()], "a,b,c,,,")))
     assert found.channels == (1, 2, 3)
+    rows = [[k, *row, -row[0]] for k, row in enumerate(EMG.tolist())]
+    for head in ("Sample #,EMG #1,EMG #2,EMG #3,Acc X", "Sample\tEMG1\tEMG2\tEMG3\tAcc X"):
+        assert read_signals(write(rows, head)).channels == (2, 3, 4)
     stated = {"Sample rate: 1,000 Hz": 1000.0, "fs = 2.000": 2000.0, "2,148.15 Hz": 2148.15}
     assert {line: stated_rate([line]) for line in stated} == stated
     assert not any(stated_rate([line]) for line in ("Notch frequency: 50 Hz", "High-pass 20 Hz", "20-450 Hz"))

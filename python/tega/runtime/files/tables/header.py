@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from tega.errors import RecordingError
-from tega.runtime.files.tables.dialect import MISSING, Dialect, is_number, uncommented
+from tega.runtime.files.tables.dialect import MISSING, Dialect, is_number, split, uncommented
 from tega.runtime.files.tables.numbers import CLOCK, displayed
 
 _COMMENT_MARKS = ("#", "%", "//")
@@ -174,6 +174,9 @@ def _above(  # noqa: PLR0917  # of one place in the file
     if dialect.joined:  # names have no decimal sign
         cells[above[-1]] = [cell.strip() for cell in lines[above[-1]].split(",")]
     head = cells[above[-1]]
+    for sign in "\t;,|" if len(head) != width else "":
+        other = split(lines[above[-1]], sign, quoted=True)
+        head = other if len(other) == width else head
     if abs(len(head) - width) > 1 or (width <= 2 and len(head) != width):
         return None
     shifted = [""] * (len(head) == width - 1) + head
