@@ -79,11 +79,6 @@ def test_a_comma_that_may_be_either_is_asked_about(write: Write) -> None:
     assert read_signals(path, Reading(decimal="point")).samples[0].tolist() == [12.0, 11.0]
 
 
-def test_whole_numbers_stay_whole(write: Write) -> None:
-    for counts in (_RNG.integers(-128, 128, (400, 8)), _RNG.integers(1900, 2100, (400, 2))):
-        np.testing.assert_array_equal(read_signals(write(counts.tolist())).samples, counts)
-
-
 @pytest.mark.parametrize(
     "encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-be", "utf-16-le", "latin-1", "cp1252"]
 )
@@ -123,12 +118,10 @@ def test_columns_that_rise_evenly_or_hold_labels_are_no_channels(write: Write) -
     assert found.decision.words == "3 channels of 5 columns: column 1 counts, column 5 is a label"
 
 
-def test_a_table_of_ramps_alone_is_read_as_it_is(write: Write) -> None:
+def test_whole_numbers_and_ramps_are_samples_and_a_header_of_numbers_is_none(write: Write) -> None:
     ramps = np.arange(300.0).reshape(100, 3)
-    np.testing.assert_array_equal(read_signals(write(ramps.tolist())).samples, ramps)
-
-
-def test_a_header_of_numbers_is_no_sample(write: Write) -> None:
+    for numbers in (ramps, _RNG.integers(-128, 128, (400, 8)), _RNG.integers(1900, 2100, (400, 2))):
+        np.testing.assert_array_equal(read_signals(write(numbers.tolist())).samples, numbers)
     for head in ("0,1,2", "3,6,8"):
         same(read_signals(write(EMG.tolist(), head, digits=2)))
 
@@ -221,11 +214,14 @@ def test_lines_before_the_samples_and_what_is_no_table_of_them(write: Write) -> 
     listed = [[f"[{a:.2f}", f"{b:.2f}", f"{c:.2f}]"] for a, b, c in EMG.tolist()]
     with pytest.raises(RecordingError, match=r"a number among other signs: '\[.*name the channels"):
         read_signals(write(listed, sep=" "))
-    found = same(read_signals(write([[*row, "", "", ""] for row in EMG.tolist()], "a,b,c,,,")))
-    assert found.channels == (1, 2, 3)
+    assert read_signals(write([[*row, "", ""] for row in EMG.tolist()], "a,b,c,,")).channels == (1, 2, 3)
     rows = [[k, *row, -row[0]] for k, row in enumerate(EMG.tolist())]
     for head in ("Sample #,EMG #1,EMG #2,EMG #3,Acc X", "Sample\tEMG1\tEMG2\tEMG3\tAcc X"):
         assert read_signals(write(rows, head)).channels == (2, 3, 4)
+    assert (
+        read_signals(write(rows, "k,a [mV],b [uV],c,Acc X")).notes[1]
+        == "channels have several units: mV, uV, none"
+    )
     stated = {"Sample rate: 1,000 Hz": 1000.0, "fs = 2.000": 2000.0, "2,148.15 Hz": 2148.15}
     assert {line: stated_rate([line]) for line in stated} == stated
     assert not any(stated_rate([line]) for line in ("Notch frequency: 50 Hz", "High-pass 20 Hz", "20-450 Hz"))

@@ -65,7 +65,7 @@ def decide(table: Table, reading: Reading) -> Decision:
         format=table.format,
         channels=list(channels),
         names=[column.name for column in chosen],
-        unit=units.pop() if len(units) == 1 else "",
+        unit=units.pop() if len(units) == 1 else "",  # else they are noted
         time=_time_of(table, channels, reading),
         counter=next((c.number for c in columns if c.holds == "counter" and c.number not in channels), 0),
         columns=columns,
@@ -74,6 +74,8 @@ def decide(table: Table, reading: Reading) -> Decision:
         notes=list(table.notes),
         events=table.events,
     )
+    if units:
+        decision.notes.append(f"channels have several units: {', '.join(c.unit or 'none' for c in chosen)}")
     decision.words = _words(decision, requested=bool(reading.channels))
     return decision
 

@@ -34,8 +34,7 @@ there is a fraction, the other sign."""
 # As the serial monitor of the Arduino IDE writes a line's time.
 _STAMPED = re.compile(r"^(\d[\d:.,]*) -> ")
 
-# Not of a name: Sample #, EMG #1.
-_COMMENT = re.compile(r"#(?!n/?a\b|value|wert|[\d,;|\t\"]|$)", re.IGNORECASE)
+_COMMENT = re.compile(r"#(?!n/?a\b|value|wert|[\d,;|\t\"]|$)", re.IGNORECASE)  # no name's: EMG #1
 # So many lines at the end of what was read first decide; they are far from the preamble.
 _MOST_LINES = 150
 _FEWEST_LINES = 8

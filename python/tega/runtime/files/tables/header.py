@@ -18,7 +18,6 @@ _RATE = re.compile(
     re.IGNORECASE,
 )
 _GROUPING = re.compile(r"[.,](?=.*[.,])")
-_LEAST_HZ = 10.0
 _HERTZ = re.compile(r"(?<![\w.,-])(\d[\d.,]*)\s*(k?)Hz\b", re.IGNORECASE)
 _FILTER = re.compile(r"filter|notch|pass|cut-?off|corner|band|mains|line", re.IGNORECASE)
 # Seconds a sample: LabVIEW, LabChart, AcqKnowledge.
@@ -104,7 +103,7 @@ def stated_rate(preamble: Sequence[str]) -> float | None:
             # All signs but the last one group thousands; the last one does, too, where the rate would be no rate.
             number = _GROUPING.sub("", digits.rstrip(".,")).replace(",", ".")
             rate_hz = float(number) * (1000.0 if kilo else 1.0)
-            if rate_hz < _LEAST_HZ and re.fullmatch(r"\d{1,3}\.\d{3}", number):
+            if rate_hz < 10.0 and re.fullmatch(r"\d{1,3}\.\d{3}", number):
                 rate_hz *= 1000.0
             if 1.0 <= rate_hz <= 1e6:
                 found[of_emg].add(rate_hz)
