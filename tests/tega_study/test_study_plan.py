@@ -87,9 +87,7 @@ def test_plans_that_cannot_be_made_say_why(fields: dict[str, Any], message: str)
         make_plan(**{"participants": 2, **fields})
 
 
-def test_the_plan_of_a_seed_stays_what_it_is_and_rests_a_minute_three_at_a_change_and_five_after_twenty() -> (
-    None
-):
+def test_the_plan_of_a_seed_stays_what_it_is_and_rests_a_minute_three_at_a_change_and_five_after_twenty():
     plan = make_plan(participants=12, seed=20250101)
     assert plan.settings.plan_sha256.startswith("f154b237f0db6ad5")
     rests = [trial.rest_s for trial in plan.of("p01")]

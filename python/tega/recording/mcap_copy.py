@@ -35,7 +35,7 @@ class McapRecords:
 
     def __init__(self, file: IO[bytes]) -> None:
         reading = require("mcap.stream_reader", driver="recording", extra="record")
-        self._reader = reading.StreamReader(file, record_size_limit=MOST_RECORD)
+        self._reader = reading.StreamReader(file, validate_crcs=True, record_size_limit=MOST_RECORD)
         self.problem = ""
 
     def __iter__(self) -> Iterator[McapItem]:

@@ -93,6 +93,8 @@ def test_inspect_detects_a_clock_that_was_set_and_a_wrong_checksum(lossless, tmp
     *_, last = (r for r in StreamReader(BytesIO(data), emit_chunks=True).records if isinstance(r, Chunk))
     changed.write_bytes(data.replace(last.uncompressed_crc.to_bytes(4, "little"), b"\1\2\3\4", 1))
     assert "damaged or cut (CRCValidationError)" in call(capsys, "recording", "inspect", changed)[0]
+    message = call(capsys, "recording", "encode", changed, "--out", tmp_path / "out", code=1)[1]
+    assert "cannot be read to its end: CRCValidationError" in message
 
 
 @pytest.mark.slow
