@@ -87,6 +87,7 @@ def test_what_is_asked_for_is_given_in_its_order(name, content, how, samples, tm
         ("e.npy", np.array(["a"]), {}, "expected real numbers"),
         ("e.npy", b"\x93NUMPY broken", {}, r"not an \.npy array"),
         ("e.mat", {"data": ROWS, "raw": ROWS}, {}, "several arrays can be 'emg'; it has: data, raw"),
+        ("e.mat", {"data": ROWS.ravel(), "datastart": [1, 4, 7]}, {"variable": "data"}, "behind each other"),
         ("e.mat", {"data": ROWS}, {"variable": "emgs"}, "has no variable 'emgs'; it has: data"),
         ("e.mat", b"no matlab, but long enough for a header" * 9, {}, r"not a MATLAB file|MATLAB 7\.3"),
     ],

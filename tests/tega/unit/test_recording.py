@@ -89,12 +89,11 @@ def test_inspect_detects_a_clock_that_was_set_and_a_wrong_checksum(lossless, tmp
     changed = rewritten(lossless, tmp_path / "a.mcap", set_back)
     (emg,) = (one for one in inspect_file(changed).streams if one.topic == "/emg/samples")
     assert [emg.back, emg.rate_hz] == pytest.approx([1, 1000.0])
-    data = lossless.read_bytes()
-    *_, last = (r for r in StreamReader(BytesIO(data), emit_chunks=True).records if isinstance(r, Chunk))
+    reader = StreamReader(BytesIO(data := lossless.read_bytes()), emit_chunks=True)
+    *_, last = (record for record in reader.records if isinstance(record, Chunk))
     changed.write_bytes(data.replace(last.uncompressed_crc.to_bytes(4, "little"), b"\1\2\3\4", 1))
-    assert "damaged or cut (CRCValidationError)" in call(capsys, "recording", "inspect", changed)[0]
-    message = call(capsys, "recording", "encode", changed, "--out", tmp_path / "out", code=1)[1]
-    assert "cannot be read to its end: CRCValidationError" in message
+    for words, code in ((["inspect"], 0), (["encode", "--out", tmp_path / "out"], 1)):
+        assert "CRCValidationError" in "".join(call(capsys, "recording", *words, changed, code=code))
 
 
 @pytest.mark.slow

@@ -83,7 +83,7 @@ OTHERS: Final[dict[str, tuple[str, str]]] = {
     **{end: (f"OT Bioelettronica {end}", "export CSV or MAT") for end in (".otb+", ".otb4")},
     **{end: (f"Spike2 {end}", "export CSV or MAT") for end in (".smr", ".smrx")},
     ".abf": ("Axon .abf", _EXPORT_CSV),
-    ".adicht": ("LabChart .adicht", "export text or MAT"),
+    ".adicht": ("LabChart .adicht", "export text"),
     ".tdms": ("LabVIEW .tdms", "export CSV or .lvm"),
     **{end: (f"Intan {end}", "export CSV or MAT") for end in (".rhd", ".rhs")},
     ".json": ("JSON", _EXPORT_CSV),

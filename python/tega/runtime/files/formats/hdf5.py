@@ -139,7 +139,7 @@ def open_mat(path: Path, reading: Reading) -> Table:
 
 def _scalars(io: Any, path: Path) -> dict[str, Any]:
     try:
-        names = [name for name, shape, _ in io.whosmat(path) if int(np.prod(shape)) == 1]
+        names = [name for name, shape, _ in io.whosmat(path) if name == "datastart" or np.prod(shape) == 1]
         return _flat(io.loadmat(path, variable_names=names)) if names else {}
     except (TypeError, ValueError):
         # SciPy 1.17 lists nothing where an object of MATLAB lies beside the arrays.

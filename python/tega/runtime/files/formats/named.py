@@ -82,12 +82,12 @@ def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
 
 def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_name: str) -> Table:
     """Return a table of one of several arrays, with the rate and the time that stand beside it."""
+    if "datastart" in arrays:  # of LabChart
+        raise RecordingError(f"{file}: holds its channels behind each other", "export text from LabChart")
     picked = pick(arrays, reading.variable, file)
     array, sideways = oriented(as_array(picked.array, file), file, rows=reading.rows)
-    table = Table(
-        file, format_name, judged_columns([], array[:MOST_JUDGED].astype(np.float64)), in_one(array)
-    )
-    table.sideways = sideways
+    columns = judged_columns([], array[:MOST_JUDGED].astype(np.float64))
+    table = Table(file, format_name, columns, in_one(array), sideways=sideways)
     table.notes += [picked.note] if picked.note else []
     add_clock(table, arrays, picked.name, len(array))
     return table
