@@ -212,7 +212,7 @@ def test_tables_of_other_programs(head: str, row: str, tmp_path: Path) -> None:
 
 def test_lines_before_the_samples_and_what_is_no_table_of_them(write: Write) -> None:
     listed = [[f"[{a:.2f}", f"{b:.2f}", f"{c:.2f}]"] for a, b, c in EMG.tolist()]
-    with pytest.raises(RecordingError, match=r"a number among other signs: '\[.*name the channels"):
+    with pytest.raises(RecordingError, match=r"a number among signs: '\[.*name the channels"):
         read_signals(write(listed, sep=" "))
     assert read_signals(write([[*row, "", ""] for row in EMG.tolist()], "a,b,c,,")).channels == (1, 2, 3)
     rows = [[k, *row, -row[0]] for k, row in enumerate(EMG.tolist())]

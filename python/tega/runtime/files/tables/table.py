@@ -137,7 +137,7 @@ def judged_columns(
         course = course_of(values)
         column.constant, column.even = course == "constant", is_even(values)
         column.unix = unix_unit(values) if course in {"time", "counter"} else ""
-        if at < len(text) and text[at]:
+        if at < len(text) and text[at] and name.role != "label":
             column.holds, column.why = "text", "values"
         elif course == "label" and name.role == "unknown":
             column.holds, column.why = "label", "values"

@@ -19,8 +19,7 @@ from tega.runtime.files.tables.table import MOST_JUDGED, Reading, Table, in_one,
 
 _HEAD_BYTES = 65_536
 _FEWEST_LINES = 64
-# As in JSON and in printed lists: what is left out of them would not be seen.
-_GLUED = re.compile(r"[\[({=]\s*[-+]?[\d.]|\d\s*[\])}]")
+_GLUED = re.compile(r"[\[({=]\s*[-+]?[\d.]|\d\s*[\])}]")  # as in JSON and printed lists
 _SIGNS = {"auto": "", "point": ".", "comma": ","}
 
 
@@ -42,16 +41,15 @@ def open_text(path: Path, reading: Reading) -> Table:
     # Only the first rows are judged, cell by cell, since a column of them may hold words.
     head = np.array([[_value(cell, dialect.decimal) for cell in row[:n]] for row in rows]).reshape(-1, n)
     words = [not (number or clock) for number, clock in zip(header.numeric, header.clock, strict=True)]
-    glued = [row[at] for at in range(n) if words[at] for row in rows[-1:] if _GLUED.search(row[at])]
-    if glued and not reading.channels:
-        text = f"{path.name}: a number among other signs: {displayed(glued[0])}"
-        raise RecordingError(text, "export a table of numbers alone, or name the channels")
     columns = judged_columns(header.names, head, units=header.units, text=words)
+    worded = [column.number - 1 for column in columns if column.holds == "text"]
+    glued = [row[at] for row in rows[-1:] for at in worded if _GLUED.search(row[at])]
+    if glued and not reading.channels:
+        raise RecordingError(f"{path.name}: a number among signs: {displayed(glued[0])}", "name the channels")
     for column, clock, number in zip(columns, header.clock, header.numeric, strict=False):
         if clock and not number:
             column.holds, column.unit, column.why = "time", "s", column.why or "values"
     rate_hz = stated_rate([*header.preamble, *(line for line in lines[: header.first] if line[:1] in "#%")])
-    facts = _facts(header, dialect, encoding)
 
     def read_columns(wanted: Sequence[int]) -> Iterator[NDArray[np.float64]]:
         parser = RowParser(path.name, dialect, header.width, wanted)
@@ -61,6 +59,7 @@ def open_text(path: Path, reading: Reading) -> Table:
                 yield parser.parse(block.first + skip, block.lines[skip:])
 
     kind = "OpenBCI GUI" if any("OpenBCI" in line for line in header.preamble[:4]) else "text"
+    facts = _facts(header, dialect, encoding)
     rate_from = "the lines before the table" if rate_hz else ""
     return Table(path.name, kind, columns, read_columns, facts, rate_hz, rate_from)
 
