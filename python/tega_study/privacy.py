@@ -28,7 +28,6 @@ from tega_study.study_notes import (
     OBJECTS,
     WITHDRAWN,
     copy_unblindings,
-    lines_of,
     objects_text,
     read_objects,
     staying,
@@ -57,18 +56,18 @@ class Withdrawal(NamedTuple):
 def note_elsewhere(folder: Path, participant: str, path: Path) -> None:
     """Record a file that the program made of a person outside of the study's folder, for a withdrawal to list."""
     path, notes = path.absolute(), events_path(folder, participant).parent / ELSEWHERE
-    if path.is_relative_to(folder.absolute()) or (notes.is_file() and str(path) in lines_of(notes)):
+    if path.is_relative_to(folder.absolute()) or path in _copies(notes, set()):
         return
     notes.parent.mkdir(parents=True, exist_ok=True)
     with open_to_append(notes) as file:
-        file.write(f"{path}\n".encode())
+        file.write(bytes(path) + b"\n")
 
 
 def _copies(notes: Path, seen: set[Path]) -> list[Path]:
     """Return the copies that a list names and that are there, and the copies of those."""
     found: list[Path] = []
-    for line in lines_of(notes) if notes.is_file() else ():
-        copy = Path(line)
+    for line in read_foreign(notes, most_mib=1).splitlines() if notes.is_file() else ():
+        copy = Path(os.fsdecode(line))
         if copy not in seen and os.path.lexists(copy):
             seen.add(copy)
             found += [copy, *_copies(copy / ELSEWHERE, seen)]

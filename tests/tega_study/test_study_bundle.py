@@ -288,15 +288,15 @@ def test_a_table_of_objects_does_not_make_a_script_a_photo(study: Path, tmp_path
 
 def test_a_withdrawal_names_copies_of_recordings_and_their_copies(study: Path, tmp_path: Path) -> None:
     source = study / RECORDING
-    made = {name: tmp_path / name for name in ("tables", "part", "other", "smaller", "both", "again")}
+    names = ("tables", "part", "other", "smaller", "both", "again")
+    made = {name: tmp_path / f"{name}\udce9" for name in names}
     export_file(source, made["tables"])
     trim_session(source, from_s=0.0, to_s=0.1, out=made["part"])
     trim_session(source, from_s=0.2, to_s=0.3, out=made["other"])
     encode_session(source, out=made["smaller"], quality=80)
     merge_sessions([made["part"], made["other"]], out=made["both"])
     encode_session(made["part"], out=made["again"], quality=70)
-    elsewhere = tmp_path / "elsewhere"
-    shutil.copytree(made["tables"], elsewhere)  # copied by hand: no program knows of it
+    elsewhere = shutil.copytree(made["tables"], tmp_path / "hand")  # by hand: no program knows of it
     (tmp_path / "mine").mkdir()  # a recording outside of studies gets no list of copies
     export_file(Path(shutil.copy(source, tmp_path / "mine")), tmp_path / "mine/tables")
     assert not list((tmp_path / "mine").rglob("elsewhere.txt"))

@@ -167,7 +167,7 @@ def test_withdrawal_works_through_links_without_following_them(folder: Path, tmp
 def test_withdrawal_tells_of_every_trace_that_it_does_not_delete(folder: Path, tmp_path: Path) -> None:
     for person in ("p01", "p02"):
         run_all(folder, person)
-    maxima = tmp_path / "calibrations" / "people" / "p01"
+    maxima = tmp_path / "calibrations" / "p\udce9ople" / "p01"
     maxima.mkdir(parents=True)
     note_elsewhere(folder, "p01", maxima)
     note_elsewhere(folder, "p01", maxima)

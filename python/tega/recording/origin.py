@@ -128,7 +128,7 @@ def note_copy(source: Path, copy: Path) -> None:
         return
     try:
         with open_to_append(notes) as file:
-            file.write(f"{copy.absolute()}\n".encode())
+            file.write(bytes(copy.absolute()) + b"\n")
         with open_to_append(copy / NOTES):
             pass
     except OSError as error:
