@@ -194,15 +194,7 @@ def test_preparing_is_interrupted(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 def test_a_demo_whose_recording_stopped_says_so(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     full = shutil.disk_usage(tmp_path)._replace(free=0)
     monkeypatch.setattr("tega.recording.mcap_recorder.shutil.disk_usage", lambda _: full)
-    words = [
-        "--fast",
-        "--objects",
-        "bottle",
-        "--out",
-        str(tmp_path / "out"),
-        "--record",
-        str(tmp_path / "rec"),
-    ]
+    words = ["--fast", "--objects", "bottle", "--out", f"{tmp_path}/out", "--record", f"{tmp_path}/rec"]
     result = CliRunner().invoke(demo, words)
     assert str(result.exception).startswith("recording stopped after 0.0 s: 0 MiB left")
 

@@ -118,6 +118,8 @@ def key_and_value(item: str, example: str) -> tuple[str, str]:
     key, equals, text = item.partition("=")
     if not equals or not key.strip():
         raise ConfigError(f"--set {item!r}: not of the form key=value", f"for example --set {example}")
+    if any("\ud800" <= sign <= "\udfff" for sign in item):
+        raise ConfigError(f"{item!r}: settings hold no name that is not UTF-8", "rename the file or folder")
     return key.strip(), text.strip()
 
 

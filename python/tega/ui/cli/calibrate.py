@@ -120,7 +120,7 @@ def calibrate(
     config, kept = _settings(settings, person, folder, sets)
     if hand is not None:
         CalibrationFolder(kept).keep_hand(person, hand)
-        there = f"calibration.folder={json.dumps(str(kept))}"
+        there = f"calibration.folder={json.dumps(str(kept), ensure_ascii=False)}"
         config, _ = _settings(settings, person, folder, (*sets, there))
     parts = parts_of(config, only)
     times = Times(pause_s=pause_s).scaled(time_scale)

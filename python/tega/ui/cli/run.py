@@ -147,7 +147,7 @@ def run_settings(
         raise click.UsageError("--wait-for-go is for --view, whose page has the button")
     sets = worn_by(person, sets)
     if record is not None:
-        sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()))}")
+        sets = (*sets, f"recording.dir={json.dumps(str(record.absolute()), ensure_ascii=False)}")
     if lossless:
         sets = (*sets, "recording.lossless=true")
     settings = load_config(config, sets=sets).config
