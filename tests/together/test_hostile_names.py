@@ -153,9 +153,11 @@ def test_texts_of_a_recording_are_no_commands_to_a_terminal(short, tmp_path, cap
     assert r"\x1b[2J" in call(capsys, "recording", "inspect", tmp_path / "\x1b[2J", code=1)[1]
 
 
-def test_a_recording_goes_into_the_folder_that_is_named(tmp_path, capsys):
+def test_a_recording_goes_into_the_folder_that_is_named_and_odd_names_replay(tmp_path, capsys):
     lab, there = tmp_path / "lab.toml", tmp_path / "\U00020bb7"
     lab.write_text('[emg]\ndriver = "synthetic-emg"\nkind = "raw"\noptions.duration_s = 0.5\n')
     call(capsys, "run", lab, "--set", "session.pace=fast", "--record", there)
     assert list(there.glob("*.mcap"))
     assert "is not UTF-8" in call(capsys, "run", lab, "--record", tmp_path / "\udce9", code=1)[1]
+    (tmp_path / "\udce9.csv").write_text("t,a\n" + "".join(f"{k / 1000},{k % 7}.5\n" for k in range(500)))
+    call(capsys, "replay", "--emg", tmp_path / "\udce9.csv", "--emg-kind", "raw", "--out", tmp_path / "out")

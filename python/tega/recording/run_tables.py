@@ -183,8 +183,8 @@ class RunTables(Part):
 
     def finish(self, summary: dict[str, Any]) -> None:
         """Write the summary as JSON, keys in their order, one newline at the end."""
-        text = json.dumps(summary, indent=2, ensure_ascii=False)
-        write_whole(self._folder / "summary.json", f"{text}\n")
+        text = json.dumps(summary, indent=2, ensure_ascii=False).encode(errors="backslashreplace")
+        write_whole(self._folder / "summary.json", text + b"\n")
 
 
 def open_part(context: PartContext) -> RunTables | None:

@@ -83,11 +83,11 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
                 number_text(f["rate_hz"] or 0),
                 *map(_short, (f["cci_max"], f["eda_max"])),
             )
-            table.add_row(finger, f["source"], *figures, baseline)
+            table.add_row(finger, printable(f["source"]), *figures, baseline)
         out.print(table)
     if (emg := summary["emg"]) is not None:
         rate_hz, levels = number_text(emg["rate_hz"]), summary["hand"]["level_s"]
-        title = f"intent from {emg['source']} ({emg['kind']}, {rate_hz} Hz), time at each level"
+        title = f"intent from {printable(emg['source'])} ({emg['kind']}, {rate_hz} Hz), time at each level"
         columns = [*(f"{name} max" for name in emg["channels"]), *(f"at {level}" for level in levels)]
         table = figures_table([], columns, title)
         table.add_row(*map(_short, emg["maxima"]), *(f"{s:.1f} s" for s in levels.values()))
