@@ -216,9 +216,7 @@ def test_the_anonymised_copy_has_the_numbers_but_no_names_texts_dates_or_seed(fo
     assert numbers(folder, "p01")[3][3:] == (4, 1, 9.0)
 
 
-def test_what_is_kept_is_on_the_disk_at_once_and_events_that_were_taken_out_are_noticed(
-    tmp_path, monkeypatch
-):
+def test_what_is_kept_is_on_the_disk_and_events_that_were_taken_out_are_noticed(tmp_path, monkeypatch):
     path, synced, really = tmp_path / "events.jsonl", list[int](), os.fsync
 
     def fsync(handle: int) -> None:
