@@ -24,6 +24,9 @@ use super::factors::Factors;
 use super::{ABSOLUTE, Images, Kernel, RECTIFIED, Row, SIGNED};
 use crate::frame::Difference;
 
+/// Kept levels a cache line.
+const LINE: usize = 32;
+
 /// Adds levels to eight columns.
 #[target_feature(enable = "avx2")]
 #[inline]
@@ -272,7 +275,11 @@ fn holds(kept: &[u16; STEP], word: u16) -> bool {
 /// See [`Kernel::count_kept`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
-    super::count_words(kept, first)
+    let count = |words: &[u16]| {
+        words.chunks(LINE).for_each(|line| fetch(line.as_ptr().cast::<u8>().wrapping_add(AHEAD)));
+        super::count_words(words, first)
+    };
+    kept.chunks(16 * LINE).map(count).sum()
 }
 
 /// See [`Kernel::kept_in_row`].
