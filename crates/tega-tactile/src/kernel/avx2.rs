@@ -162,8 +162,11 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
             for (k, n) in n.iter_mut().enumerate() {
                 // SAFETY: it is one of the steps.
                 *n = self.products.of_step::<DIFFERENCE>(k, unsafe { images.step(step) });
-                lanes.take::<DIFFERENCE, SQUARES, KEPT>(*n, *n);
+                lanes.take::<DIFFERENCE, false, KEPT>(*n, *n);
                 add(&mut columns_of_steps[step], LANES * k, *n);
+            }
+            if SQUARES {
+                lanes.square(n, step);
             }
             if KEPT {
                 let [a, b, c, d] = n;

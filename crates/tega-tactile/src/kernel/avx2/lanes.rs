@@ -5,13 +5,18 @@
 use std::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
     _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_castsi256_si128, _mm256_cvtepi32_epi64,
-    _mm256_extracti128_si256, _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32, _mm256_set1_epi32,
-    _mm256_setzero_si256, _mm256_srli_epi64, _mm256_storeu_si256,
+    _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256, _mm256_castsi256_si128, _mm256_cvtepi32_epi64,
+    _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32,
+    _mm256_or_si256, _mm256_packs_epi32, _mm256_set1_epi32, _mm256_set1_epi64x, _mm256_setzero_si256,
+    _mm256_srli_epi64, _mm256_storeu_si256, _mm256_testz_si256,
 };
 
-use super::levels::LANES;
+use super::levels::{GROUPS, LANES};
 use crate::kernel::{Row, SIGNED};
+
+/// A level of these bits alone is small: the squares of four add up to less than 2²⁸, and in as many steps to less than 2³¹.
+const SMALL: i32 = (1 << 13) - 1;
+const SMALL_STEPS: usize = 8;
 
 /// Sum, smallest or largest of eight lanes.
 macro_rules! fold_lanes {
@@ -44,6 +49,8 @@ pub(super) fn largest(v: __m256i) -> i32 {
 pub(super) struct Lanes {
     pub sum: __m256i,
     pub squares: __m256i,
+    /// Sums of small levels' squares, in 32 bits.
+    small: __m256i,
     pub min: __m256i,
     pub max: __m256i,
 }
@@ -53,7 +60,7 @@ impl Lanes {
     pub fn none<const KEPT: bool>() -> Self {
         let zero = _mm256_setzero_si256();
         let max = if KEPT { zero } else { _mm256_set1_epi32(i32::MIN) };
-        Self { sum: zero, squares: zero, min: _mm256_set1_epi32(i32::MAX), max }
+        Self { sum: zero, squares: zero, small: zero, min: _mm256_set1_epi32(i32::MAX), max }
     }
 
     /// Takes eight levels `n`; `range` is the same, whose smallest and largest are looked for.
@@ -72,16 +79,55 @@ impl Lanes {
             self.max = _mm256_max_epi32(self.max, range);
         }
         if SQUARES {
-            let odd = _mm256_srli_epi64::<32>(n);
-            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
-            self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
+            self.squares_of(n);
         }
+    }
+
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn squares_of(&mut self, n: __m256i) {
+        let odd = _mm256_srli_epi64::<32>(n);
+        self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(n, n));
+        self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
+    }
+
+    /// Adds the squares of a step's levels: of small ones, as most are, two at a time.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    pub fn square(&mut self, n: [__m256i; GROUPS], step: usize) {
+        let [a, b, c, d] = n;
+        let any = _mm256_or_si256(_mm256_or_si256(a, b), _mm256_or_si256(c, d));
+        if _mm256_testz_si256(any, _mm256_set1_epi32(!SMALL)) == 0 {
+            for n in n {
+                self.squares_of(n);
+            }
+        } else {
+            for words in [_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d)] {
+                self.small = _mm256_add_epi32(self.small, _mm256_madd_epi16(words, words));
+            }
+        }
+        if step % SMALL_STEPS == SMALL_STEPS - 1 {
+            self.widen();
+        }
+    }
+
+    /// Moves the squares of small levels to the others before they outgrow 32 bits.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn widen(&mut self) {
+        let even = _mm256_and_si256(self.small, _mm256_set1_epi64x(0xffff_ffff));
+        let odd = _mm256_srli_epi64::<32>(self.small);
+        self.squares = _mm256_add_epi64(self.squares, _mm256_add_epi64(even, odd));
+        self.small = _mm256_setzero_si256();
     }
 
     /// The row. Its largest level is that of the words, where levels are kept.
     #[target_feature(enable = "avx2")]
     #[inline]
-    pub fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&self, least: i32) -> Row {
+    pub fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&mut self, least: i32) -> Row {
+        if SQUARES {
+            self.widen();
+        }
         // The lanes' total may pass `i32`; the eight lanes themselves do not.
         let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
         let looked_for = DIFFERENCE == SIGNED && !KEPT;
