@@ -99,7 +99,10 @@ def compare(
     tau, block_s = train.tau, train.tau / train.rate_hz
     full = float(np.percentile(train.target, 98))
     if not full > 0:
-        raise InvalidValueError(f"{train.name}: its target is 0", "train on a part with effort in it")
+        raise InvalidValueError(
+            f"{train.name}: its target is never above 0",
+            "train on a part with effort in it; turn the sign of a force that is counted downwards",
+        )
     today = None
     if recalibrate_s > 0:
         n_today = round(recalibrate_s * judged.rate_hz)

@@ -8,7 +8,6 @@ FEATURE = Feature(
     summary="Learned decoders: fit to a person, compared on one log.",
     verbs={
         "emg fit": Verb("tega_learn.cli.emg:fit", "Fit a decoder to a person."),
-        "emg score": Verb("tega_learn.cli.emg:score", "Score closure levels by a measured force."),
         "emg compare": Verb("tega_learn.cli.emg:compare", "Compare decoders on logs of EMG."),
     },
 )

@@ -65,33 +65,30 @@ def read_emg(file: Path, reading: Reading) -> Signals:
     return signals
 
 
-def emg_beside(file: Path, beside: str, option: str, reading: Reading) -> tuple[Any, Any, float]:
-    """Read EMG and a signal measured beside it: a variable of a file of arrays, or a column of a table.
-
-    Return them, float64 (n, channels) and (n,), and the samples per second.
-    """
+def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
+    """Read EMG beside a force or a closure: a variable of a file of arrays, or a column of a table."""
     if file.suffix.lower() in _ARRAYS:
         signals = read_emg(file, reading)
-        alone = msgspec.structs.replace(reading, rate_hz=None, channels=(1,), variable=beside, time="none")
+        alone = msgspec.structs.replace(reading, rate_hz=None, channels=(1,), variable=target, time="none")
         samples, measured = signals.samples, read_emg(file, alone).samples[:, 0]
-    elif beside.isdecimal() and int(beside) > 0:
+    elif target.isdecimal() and int(target) > 0:
         if not reading.channels:
             raise click.UsageError(
-                f"{file.name} is a table, where {option} {beside} is a column beside the EMG: name that with --channels"
+                f"{file.name} is a table, where --target {target} is a column beside the EMG: name that with --channels"
             )
-        both = msgspec.structs.replace(reading, channels=(*reading.channels, int(beside)), variable="emg")
+        both = msgspec.structs.replace(reading, channels=(*reading.channels, int(target)), variable="emg")
         signals = read_emg(file, both)
         samples, measured = signals.samples[:, :-1], signals.samples[:, -1]
     else:
         raise click.UsageError(
-            f"{option} {beside!r}: {file.name} is no file of arrays, so name a column from 1"
+            f"--target {target!r}: {file.name} is no file of arrays, so name a column from 1"
         )
     if len(samples) != len(measured):
         raise RecordingError(
             f"{file.name}: {len(samples)} samples and {len(measured)} targets: they are not on one clock",
             "give one target a sample",
         )
-    return samples, measured, _rate(signals, file.name)
+    return Log(file.name, samples, measured, _rate(signals, file.name), kind)
 
 
 def _rate(signals: Signals, name: str) -> float:
@@ -129,11 +126,6 @@ def read_log(log: str, target: str | None, kind: Any, reading: Reading) -> Log:
         )
     name = f"{Path(log.split(',', maxsplit=1)[0].rpartition('=')[0]).name} and {len(samples) - 1} more"
     return Log(name, np.concatenate(samples), np.concatenate(goal), rates.pop(), kind)
-
-
-def force_log(file: Path, target: str, kind: Any, reading: Reading) -> Log:
-    """Read a file of EMG beside a force or a closure."""
-    return Log(file.name, *emg_beside(file, target, "--target", reading), kind)
 
 
 def read_tracked(record: Path) -> tuple[Log, PracticeRecord]:

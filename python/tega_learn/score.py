@@ -1,16 +1,4 @@
-"""Score how well closures and levels follow a force or a target: agreement, steadiness, delay, false closings.
-
-The score of a recording is judged on data its calibration has not seen: the maxima come from the first part
-of the recording, the levels from the rest.
-
-Example:
-    >>> import numpy as np
-    >>> force = np.tile(np.repeat([0.0, 2.0, 0.0, 1.0], 400), 2)
-    >>> swing = np.where(np.arange(3200) // 2 % 2, 1.0, -1.0)
-    >>> score = score_recording((force * swing)[:, None], force, 200, tau=20, kind="raw")
-    >>> score["live"].rank_correlation > 0.9
-    True
-"""
+"""Score how well closures and levels follow a force or a target: agreement, steadiness, delay, false closings."""
 
 from __future__ import annotations
 
@@ -20,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tega.emg.levels import BlockMean, GraspIntent, InputKind, Preset, channel_maxima
+from tega.emg.levels import Preset
 from tega.errors import InvalidValueError, ShapeError
 
 PERCENTILES: dict[Preset, float] = {"paper": 100.0, "live": 95.0}
@@ -176,41 +164,6 @@ def judge(
         held=0.0 if held is None else float(np.asarray(held, bool).mean()),
         duration_s=len(reported) * block_s,
     )
-
-
-def score_recording(
-    samples: ArrayLike, force: ArrayLike, rate_hz: float, *, tau: int, kind: InputKind = "raw"
-) -> dict[Preset, DecoderFigures]:
-    """Score both presets of the rules on one recording of EMG and force.
-
-    The first half of the recording gives the maxima (`channel_maxima`: the largest block mean for "paper", the
-    95th percentile for "live"); the rest, run from a fresh start, is judged against the force averaged over the
-    same blocks, as shares of the largest, whatever its sign. It has to hold three blocks of ``tau`` samples or more.
-    ``samples`` are ``(n, channels)``, or ``(n,)`` for a single channel; ``force`` is ``(n,)``, at the same instants,
-    any unit.
-    """
-    emg, measured = np.asarray(samples), np.asarray(force, np.float64)
-    if measured.ndim != 1 or len(measured) != len(emg):
-        raise ShapeError(
-            f"force has shape {measured.shape}, samples {emg.shape}: one force a sample is needed"
-        )
-    start = len(emg) // 2
-    wanted = BlockMean(tau, 1).process(measured[start:])[:, 0]
-    if len(wanted) < 3:
-        raise ShapeError(
-            f"the judged part has {len(wanted)} blocks of tau = {tau} samples, at least 3 are needed",
-            "use a longer recording or a smaller tau",
-        )
-    wanted /= np.abs(wanted).max() or 1.0
-    levels: dict[Preset, NDArray[np.int64]] = {}
-    for preset, percentile in PERCENTILES.items():
-        maxima = channel_maxima(emg[:start], rate_hz, tau=tau, kind=kind, percentile=percentile)
-        intent = GraspIntent(rate_hz, maxima, tau=tau, kind=kind, preset=preset)
-        levels[preset] = intent.process(emg[start:])
-    return {
-        preset: judge((fused - 1) / 4, fused, wanted, tau / rate_hz, paper=levels["paper"])
-        for preset, fused in levels.items()
-    }
 
 
 def _pair(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

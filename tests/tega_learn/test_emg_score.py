@@ -8,20 +8,23 @@ import numpy as np
 import pytest
 
 from reference.squeezes import squeezes
-from tega.emg import Preset
 from tega.errors import CalibrationError, InvalidValueError, ShapeError
 from tega.ui.cli.main import main
-from tega_learn.score import DecoderFigures, changes_per_second, delay_s, rank_correlation, score_recording
+from tega_learn.compare import Log, compare, two_halves
+from tega_learn.score import DecoderFigures, changes_per_second, delay_s, judge, rank_correlation
 
-Scores = dict[str, dict[Preset, DecoderFigures]]
+Scores = dict[str, dict[str, DecoderFigures]]
 RECORDINGS = ("v1", "v2", "v8", "v10")
 
 
 @pytest.fixture(scope="module")
 def scores() -> Scores:
-    return {
-        one.name: score_recording(one.samples, one.target, 200, tau=20) for one in map(squeezes, RECORDINGS)
-    }
+    return {one.name: figures(one) for one in map(squeezes, RECORDINGS)}
+
+
+def figures(log: Log) -> dict[str, DecoderFigures]:
+    found = compare(*two_halves(log), ["rules-paper", "rules"])
+    return {"paper": found[0].figures, "live": found[1].figures}
 
 
 def test_live_follows_the_force_over_the_graded_recordings(scores: Scores) -> None:
@@ -58,22 +61,14 @@ def test_a_shifted_series_is_late_by_the_shift(blocks: int) -> None:
     assert delay_s(shifted, levels, 0.1) == pytest.approx(0.1 * blocks, abs=0.005)
 
 
-def test_a_force_counted_downwards_is_followed_the_other_way_round() -> None:
-    force = np.tile(np.repeat([0.5, 2.0, 0.5, 1.0], 400), 2)
-    emg = (force * np.where(np.arange(3200) // 2 % 2, 1.0, -1.0))[:, None]
-    up, down = (score_recording(emg, sign * force, 200, tau=20)["live"] for sign in (1, -1))
-    assert up.level_rank_correlation > 0.85
-    assert down.level_rank_correlation == pytest.approx(-up.level_rank_correlation)
-
-
 def test_bad_input_is_refused() -> None:
-    emg, force = np.random.default_rng(7).normal(size=(400, 3)), np.zeros(400)
-    with pytest.raises(ShapeError, match="one force a sample"):
-        score_recording(emg, force[:-1], 200, tau=20)
-    with pytest.raises(ShapeError, match="at least 3"):
-        score_recording(emg, force, 200, tau=100)
+    emg, force = np.random.default_rng(7).normal(size=(400, 3)), np.ones(400)
+    with pytest.raises(InvalidValueError, match="never above 0"):
+        figures(Log("downwards", emg, -force, 200))
     with pytest.raises(CalibrationError, match="channel 1"):
-        score_recording(np.zeros((400, 3)), force, 200, tau=20)
+        figures(Log("flat", np.zeros((400, 3)), force, 200))
+    with pytest.raises(ShapeError, match="three blocks"):
+        judge([0, 1], [1, 5], [0, 1], 0.1)
     with pytest.raises(ShapeError, match="series"):
         rank_correlation([1, 2], [1, 2, 3])
     with pytest.raises(InvalidValueError, match="block_s"):
@@ -82,10 +77,10 @@ def test_bad_input_is_refused() -> None:
         delay_s([1, 2], [1, 2], np.nan)
 
 
-def test_emg_score_asks_which_columns_are_emg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_emg_compare_asks_which_columns_are_emg(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "squeeze.csv"
     np.savetxt(file, np.random.default_rng(1).normal(size=(4000, 4)), delimiter=",")
     with pytest.raises(SystemExit) as left:
-        main(["emg", "score", str(file), "--force", "1", "--rate-hz", "200"])
+        main(["emg", "compare", str(file), "--target", "1", "--rate-hz", "200"])
     assert left.value.code == 2
-    assert "--force 1 is a column beside the EMG: name that with --channels" in capsys.readouterr().err
+    assert "--target 1 is a column beside the EMG: name that with --channels" in capsys.readouterr().err

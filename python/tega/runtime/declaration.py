@@ -16,7 +16,7 @@ OWN_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
     "verbs": (
         *("run", "replay", "verify", "play", "init", "doctor", "calibrate", "stages", "devices", "audit"),
         *("bench", "soak", "recording", "emg", "vest", "hand", "arm", "config"),
-        *("inspect", "export", "trim", "merge", "sim-trials", "emg-score", "identify", "forward"),
+        *("inspect", "export", "trim", "merge", "sim-trials", "identify", "forward"),
         *("recording annotate", "recording export", "recording inspect", "recording merge", "recording trim"),
         *("emg inspect", "emg recalibrate", "vest identify"),
         *("hand measure", "hand show", "hand teach", "arm check", "arm forward"),

@@ -1,4 +1,4 @@
-"""Fit a decoder, compare decoders on logs, score levels by a force: ``emg fit``, ``emg compare``, ``emg score``."""
+"""Fit a decoder, compare decoders on logs: ``emg fit``, ``emg compare``."""
 
 from __future__ import annotations
 
@@ -9,13 +9,11 @@ import click
 
 from tega.ui.cli.emg import kind_option, reading_options
 from tega.ui.cli.options import FILE, NAMES, PATH, FiniteRange, PngPath, echo_json, json_option
-from tega_learn.logs import emg_beside, force_log, read_log, read_tracked, target_option
+from tega_learn.logs import force_log, read_log, read_tracked, target_option
 
 if TYPE_CHECKING:
-    from tega.emg import Preset
     from tega.runtime.files.tables.table import Reading
     from tega_learn.compare import DecoderReport
-    from tega_learn.score import DecoderFigures
 
 
 @click.command(
@@ -233,66 +231,3 @@ def _print(rows: list[dict[str, Any]]) -> None:
             table.add_row(row["decoder"], *cells)
         console.print(table)
     console.print(_MEANT)
-
-
-BLOCK_S = 0.1
-
-
-@click.command(
-    epilog="Example: tega-teleop emg score squeeze.mat --force Force --rate-hz 200 --kind raw --channels 3,6,8",
-)
-@click.argument("files", nargs=-1, required=True, type=PATH, metavar="FILE [FILE ...]")
-@click.option(
-    "--force",
-    required=True,
-    help="The measured force: a variable's name in a file of arrays, else a column from 1.",
-)
-@kind_option("--kind", "raw")
-@reading_options
-@json_option
-def score(*, files: tuple[Path, ...], force: str, kind: Any, reading: Reading, as_json: bool) -> None:
-    """Score both presets on recordings of EMG and force.
-
-    The first half of each FILE gives the maxima, the second half is judged: rank correlation of the fused level with
-    the force, changes of level per second, and the delay of `live` behind `paper`. With --json: a list of
-    objects, one per file: file, duration_s, paper and live with rank_correlation, changes_per_s, delay_s.
-    """
-    from tega_learn.score import score_recording
-
-    scores: dict[str, dict[Preset, DecoderFigures]] = {}
-    for file in files:
-        samples, measured, rate_hz = emg_beside(file, force, "--force", reading)
-        tau = max(1, round(BLOCK_S * rate_hz))
-        scores[file.name] = score_recording(samples, measured, rate_hz, tau=tau, kind=kind)
-    if not as_json:
-        _print_scores(scores)
-        return
-    echo_json(
-        [
-            {"file": name, "duration_s": score["live"].duration_s}
-            | {preset: dict(zip(_SCORED, _scored(one), strict=True)) for preset, one in score.items()}
-            for name, score in scores.items()
-        ]
-    )
-
-
-_SCORED = ("rank_correlation", "changes_per_s", "delay_s")
-
-
-def _scored(figures: DecoderFigures) -> tuple[float, float, float]:
-    return figures.level_rank_correlation, figures.changes_per_s, figures.level_delay_s
-
-
-def _print_scores(scores: dict[str, dict[Preset, DecoderFigures]]) -> None:
-    import numpy as np
-
-    from tega.ui.cli.report import figures_table, wide_console
-
-    table = figures_table(["recording"], ["paper ρ", "changes/s", "live ρ", "changes/s", "live later by"])
-    rows = [(*_scored(score["paper"])[:2], *_scored(score["live"])) for score in scores.values()]
-    named: list[tuple[str, tuple[float, ...]]] = list(zip(scores, rows, strict=True))
-    if len(rows) > 1:
-        named.append(("mean", tuple(float(v) for v in np.mean(rows, axis=0))))
-    for name, (*shown, delay_s) in named:
-        table.add_row(name, *map(format, shown, (".3f", ".2f", ".3f", ".2f")), f"{1000 * delay_s:.0f} ms")
-    wide_console().print(table)

@@ -70,7 +70,6 @@ _EARLIER = {
     "trim": "recording trim",
     "merge": "recording merge",
     "sim-trials": "sim trials",
-    "emg-score": "emg score",
     "identify": "vest identify",
     "forward": "arm forward",
 }
