@@ -281,11 +281,16 @@ mod tests {
     /// The pixels of frame and baseline.
     type Pixels = Vec<([u8; 3], [u8; 3])>;
 
-    /// A width, of every tail, the pixels from one row to the next, and the pixels.
+    /// A width, of every tail, the pixels from one row to the next, and the pixels: any, or all near the baseline's.
     fn pictures() -> impl Strategy<Value = (usize, usize, Pixels)> {
         let sizes = (prop_oneof![1_usize..=4 * STEP, Just(240), Just(309)], 1_usize..12, 0_usize..40);
         sizes.prop_flat_map(|(width, height, gap)| {
-            let pixels = prop::collection::vec(any::<([u8; 3], [u8; 3])>(), (width + gap) * height);
+            let near = (any::<[u8; 3]>(), 0_u8..16).prop_map(|(b, d)| (b.map(|c| c.saturating_add(d)), b));
+            let n = (width + gap) * height;
+            let pixels = prop_oneof![
+                prop::collection::vec(any::<([u8; 3], [u8; 3])>(), n),
+                prop::collection::vec(near, n),
+            ];
             (Just(width), Just(width + gap), pixels)
         })
     }
