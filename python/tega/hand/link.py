@@ -199,17 +199,18 @@ class HandLink:
 
     def state(self, t_ns: int) -> HandState:
         """Return the state of the conversation at a time."""
-        info, link = self._link.info, self._link
-        hardware, firmware, _, palm_c, status = info or (0, 0, 0, None, 0)
+        link = self._link
+        hardware, firmware, _, palm_c, status = link.info or (0, 0, 0, None, 0)
+        info = AllegroInfo(divmod(hardware, 256), divmod(firmware, 256), "unknown", palm_c or 0, status)
         return HandState(
             phase=link.phase,
-            hardware=f"{hardware >> 8}.{hardware & 255}" if info else "",
-            firmware=f"{firmware >> 8}.{firmware & 255}" if info else "",
+            hardware="{}.{}".format(*info.hardware) if link.info else "",
+            firmware="{}.{}".format(*info.firmware) if link.info else "",
             serial=link.serial,
             palm_c=palm_c,
-            servo_on=bool(status & 1),
+            servo_on=info.servo_on,
             joints_c=link.joints_c,
             heat_share=link.heat_share(t_ns),
             counts=HandCounts(**link.counts),
-            must_stop=AllegroInfo((0, 0), (0, 0), "unknown", 0, status).must_stop,
+            must_stop=info.must_stop,
         )

@@ -136,15 +136,11 @@ fn unfold((even, odd): (&[f32], &[f32]), row: &mut [f32]) {
 #[inline(always)]
 fn chains(values: &mut [f32], shares: &[f32], stride: usize) {
     let rows = shares.len() / stride;
-    for row in 0..rows {
+    multiply_each(values.get_mut(..stride).unwrap_or_default(), shares);
+    for row in 1..rows {
         let (before, here) = values.split_at_mut(row * stride);
-        let shares = shares.get(row * stride..).unwrap_or_default();
-        let before = before.get(row.saturating_sub(1) * stride..).unwrap_or_default();
-        let here = here.get_mut(..stride).unwrap_or_default();
-        if row == 0 {
-            multiply_each(here, shares);
-            continue;
-        }
+        let before = before.get((row - 1) * stride..).unwrap_or_default();
+        let shares = shares.get(row * stride..(row + 1) * stride).unwrap_or_default();
         for ((here, before), share) in here.iter_mut().zip(before).zip(shares) {
             *here = (*here + before) * share;
         }
