@@ -348,6 +348,7 @@ mod tests {
             kernel.rows(&mut images.into_iter(), &mut vec![0; width], &mut rows, &mut []);
             assert_eq!(rows, [kernel.row(&frame, &baseline, &mut vec![0; width]); 3]);
             assert_eq!(rows[0].sum, width as i64 * 255 * 16_000);
+            assert_eq!(Kernel::count_kept(&vec![9; width << 8], 9), (width as u32) << 8);
         }
     }
 }

@@ -11,9 +11,9 @@ mod parts;
 
 use std::arch::x86_64::{
     __m256i, _mm256_add_epi32, _mm256_and_si256, _mm256_cmpeq_epi16, _mm256_cmpeq_epi32, _mm256_cmpgt_epi32,
-    _mm256_loadu_si256, _mm256_max_epi32, _mm256_max_epu16, _mm256_movemask_epi8, _mm256_or_si256,
-    _mm256_packus_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_storeu_si256,
-    _mm256_sub_epi32,
+    _mm256_loadu_si256, _mm256_madd_epi16, _mm256_max_epi32, _mm256_max_epu16, _mm256_movemask_epi8,
+    _mm256_or_si256, _mm256_packus_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256,
+    _mm256_storeu_si256, _mm256_sub_epi16, _mm256_sub_epi32,
 };
 
 use lanes::{Lanes, lanes_i32};
@@ -162,11 +162,13 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
             for (k, n) in n.iter_mut().enumerate() {
                 // SAFETY: it is one of the steps.
                 *n = self.products.of_step::<DIFFERENCE>(k, unsafe { images.step(step) });
-                lanes.take::<DIFFERENCE, false, KEPT>(*n, *n);
+                if !SQUARES {
+                    lanes.take::<DIFFERENCE, false, KEPT>(*n, *n);
+                }
                 add(&mut columns_of_steps[step], LANES * k, *n);
             }
             if SQUARES {
-                lanes.square(n, step);
+                lanes.take_squares::<DIFFERENCE, KEPT>(n, step, least < 0);
             }
             if KEPT {
                 let [a, b, c, d] = n;
@@ -269,20 +271,37 @@ impl<'b, const SETS: usize> Block<'b, SETS> {
 #[inline]
 fn holds(kept: &[u16; STEP], word: u16) -> bool {
     let word = _mm256_set1_epi16(word.cast_signed());
-    // SAFETY: both unaligned 32-byte loads lie within the 64 bytes.
-    let equal = [0, 2 * LANES]
-        .map(|at| unsafe { _mm256_cmpeq_epi16(_mm256_loadu_si256(kept.as_ptr().add(at).cast()), word) });
-    _mm256_movemask_epi8(_mm256_or_si256(equal[0], equal[1])) != 0
+    let [low, high] = halves(kept).map(|words| _mm256_cmpeq_epi16(words, word));
+    _mm256_movemask_epi8(_mm256_or_si256(low, high)) != 0
 }
 
 /// See [`Kernel::count_kept`].
 #[target_feature(enable = "avx2")]
 pub(super) fn count_kept(kept: &[u16], first: u16) -> u32 {
-    let count = |words: &[u16]| {
-        words.chunks(LINE).for_each(|line| fetch(line.as_ptr().cast::<u8>().wrapping_add(AHEAD)));
-        super::count_words(words, first)
-    };
-    kept.chunks(16 * LINE).map(count).sum()
+    /// Lines whose two vectors a word counts without reaching its sign.
+    const LINES: usize = 1 << 13;
+    let (lines, rest) = kept.as_chunks::<LINE>();
+    let (border, one) = (_mm256_set1_epi16(first.cast_signed()), _mm256_set1_epi16(1));
+    let mut count = super::count_words(rest, first);
+    for lines in lines.chunks(LINES) {
+        let mut above = _mm256_setzero_si256();
+        for line in lines {
+            fetch(line.as_ptr().cast::<u8>().wrapping_add(AHEAD));
+            for words in halves(line) {
+                above = _mm256_sub_epi16(above, _mm256_cmpeq_epi16(_mm256_max_epu16(words, border), words));
+            }
+        }
+        count += lanes_i32(_mm256_madd_epi16(above, one)).iter().sum::<i32>() as u32;
+    }
+    count
+}
+
+/// A line's words as vectors.
+#[target_feature(enable = "avx2")]
+#[inline]
+fn halves(line: &[u16; LINE]) -> [__m256i; 2] {
+    // SAFETY: both unaligned 32-byte loads lie within the 64 bytes.
+    [0, LINE / 2].map(|at| unsafe { _mm256_loadu_si256(line.as_ptr().add(at).cast()) })
 }
 
 /// See [`Kernel::kept_in_row`].

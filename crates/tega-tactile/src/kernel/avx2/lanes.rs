@@ -5,17 +5,18 @@
 use std::arch::x86_64::{
     __m256i, _mm_add_epi64, _mm_cvtsi128_si32, _mm_cvtsi128_si64, _mm_max_epi32, _mm_max_epu16,
     _mm_min_epi32, _mm_minpos_epu16, _mm_set1_epi32, _mm_shuffle_epi32, _mm_unpackhi_epi64, _mm_xor_si128,
-    _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256, _mm256_castsi256_si128, _mm256_cvtepi32_epi64,
-    _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_mul_epi32,
-    _mm256_or_si256, _mm256_packs_epi32, _mm256_set1_epi32, _mm256_set1_epi64x, _mm256_setzero_si256,
-    _mm256_srli_epi64, _mm256_storeu_si256, _mm256_testz_si256,
+    _mm256_add_epi16, _mm256_add_epi32, _mm256_add_epi64, _mm256_and_si256, _mm256_castsi256_si128,
+    _mm256_cvtepi32_epi64, _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi16, _mm256_max_epi32,
+    _mm256_min_epi32, _mm256_mul_epi32, _mm256_or_si256, _mm256_packs_epi32, _mm256_set1_epi16,
+    _mm256_set1_epi32, _mm256_set1_epi64x, _mm256_setzero_si256, _mm256_srli_epi32, _mm256_srli_epi64,
+    _mm256_storeu_si256, _mm256_testz_si256,
 };
 
 use super::levels::{GROUPS, LANES};
 use crate::kernel::{Row, SIGNED};
 
 /// A level of these bits alone is small: the squares of four add up to less than 2²⁸, and in as many steps to less than 2³¹.
-const SMALL: i32 = (1 << 13) - 1;
+const SMALL: i16 = (1 << 13) - 1;
 const SMALL_STEPS: usize = 8;
 
 /// Sum, smallest or largest of eight lanes.
@@ -53,6 +54,8 @@ pub(super) struct Lanes {
     small: __m256i,
     pub min: __m256i,
     pub max: __m256i,
+    /// The largest of small levels, in words.
+    small_max: __m256i,
 }
 
 impl Lanes {
@@ -60,7 +63,7 @@ impl Lanes {
     pub fn none<const KEPT: bool>() -> Self {
         let zero = _mm256_setzero_si256();
         let max = if KEPT { zero } else { _mm256_set1_epi32(i32::MIN) };
-        Self { sum: zero, squares: zero, small: zero, min: _mm256_set1_epi32(i32::MAX), max }
+        Self { sum: zero, squares: zero, small: zero, min: _mm256_set1_epi32(i32::MAX), max, small_max: zero }
     }
 
     /// Takes eight levels `n`; `range` is the same, whose smallest and largest are looked for.
@@ -91,24 +94,42 @@ impl Lanes {
         self.squares = _mm256_add_epi64(self.squares, _mm256_mul_epi32(odd, odd));
     }
 
-    /// Adds the squares of a step's levels: of small ones, as most are, two at a time.
+    /// Takes a step's levels and their squares; small levels two at a time, where none is `below_zero`.
     #[target_feature(enable = "avx2")]
     #[inline]
-    pub fn square(&mut self, n: [__m256i; GROUPS], step: usize) {
-        let [a, b, c, d] = n;
-        let any = _mm256_or_si256(_mm256_or_si256(a, b), _mm256_or_si256(c, d));
-        if _mm256_testz_si256(any, _mm256_set1_epi32(!SMALL)) == 0 {
+    pub fn take_squares<const DIFFERENCE: u8, const KEPT: bool>(
+        &mut self,
+        n: [__m256i; GROUPS],
+        step: usize,
+        below_zero: bool,
+    ) {
+        if DIFFERENCE == SIGNED || below_zero || !self.take_small::<KEPT>(n) {
             for n in n {
-                self.squares_of(n);
-            }
-        } else {
-            for words in [_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d)] {
-                self.small = _mm256_add_epi32(self.small, _mm256_madd_epi16(words, words));
+                self.take::<DIFFERENCE, true, KEPT>(n, n);
             }
         }
         if step % SMALL_STEPS == SMALL_STEPS - 1 {
             self.widen();
         }
+    }
+
+    /// Takes a step's levels if all are small, as most are.
+    #[target_feature(enable = "avx2")]
+    #[inline]
+    fn take_small<const KEPT: bool>(&mut self, [a, b, c, d]: [__m256i; GROUPS]) -> bool {
+        let words = [_mm256_packs_epi32(a, b), _mm256_packs_epi32(c, d)];
+        if _mm256_testz_si256(_mm256_or_si256(words[0], words[1]), _mm256_set1_epi16(!SMALL)) == 0 {
+            return false;
+        }
+        for words in words {
+            self.small = _mm256_add_epi32(self.small, _mm256_madd_epi16(words, words));
+        }
+        let pairs = _mm256_madd_epi16(_mm256_add_epi16(words[0], words[1]), _mm256_set1_epi16(1));
+        self.sum = _mm256_add_epi32(self.sum, pairs);
+        if !KEPT {
+            self.small_max = _mm256_max_epi16(self.small_max, _mm256_max_epi16(words[0], words[1]));
+        }
+        true
     }
 
     /// Moves the squares of small levels to the others before they outgrow 32 bits.
@@ -127,6 +148,11 @@ impl Lanes {
     pub fn row<const DIFFERENCE: u8, const SQUARES: bool, const KEPT: bool>(&mut self, least: i32) -> Row {
         if SQUARES {
             self.widen();
+        }
+        if SQUARES && DIFFERENCE != SIGNED && !KEPT && least == 0 {
+            let odd = _mm256_srli_epi32::<16>(self.small_max);
+            let even = _mm256_and_si256(self.small_max, _mm256_set1_epi32(0xffff));
+            self.max = _mm256_max_epi32(self.max, _mm256_max_epi32(even, odd));
         }
         // The lanes' total may pass `i32`; the eight lanes themselves do not.
         let [low, high] = [_mm256_castsi256_si128(self.sum), _mm256_extracti128_si256::<1>(self.sum)];
