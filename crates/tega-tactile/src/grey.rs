@@ -157,7 +157,8 @@ fn weighed<I: Num + From<i64> + Copy + AddAssign>(sums: impl DoubleEndedIterator
         [twice, thrice] = before;
         once += I::from(sum);
         // Σ p·s and Σ p(p + 1)/2·s, unless this was the first position.
-        before = [twice + once, thrice + twice + once];
+        let more = twice + once;
+        before = [more, thrice + more];
     }
     [once, twice, thrice + thrice - twice]
 }

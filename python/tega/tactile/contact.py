@@ -52,6 +52,10 @@ class ContactMetrics(NamedTuple):
     """False where there is nothing to report."""
 
 
+# As `_make` without counting the fields again.
+_contact_metrics = tuple.__new__
+
+
 class ContactGate(NamedTuple):
     """No contact unless ``min_pixels`` pixels exceed ``noise_floor`` grey values (0 to 255)."""
 
@@ -113,7 +117,7 @@ def contact_metrics(
         (40.0, 600, (64.5, 109.5))
     """
     equations = _equations(tuple(weights), order, difference, spread, factor, centroid_value, gate)
-    return ContactMetrics._make(equations.metrics(frame, baseline))
+    return _contact_metrics(ContactMetrics, equations.metrics(frame, baseline))
 
 
 def contact_metrics_many(
