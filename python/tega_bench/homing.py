@@ -35,7 +35,7 @@ _LEVELS_PER_S = 2.0
 _POLL_S = 0.02
 # The arm itself comes after its target: it rests once its place has changed by no more for so long, or after a while.
 _SETTLE_S, _STILL_M, _LONGEST_S = 1.0, 0.0005, 5.0
-# What leads the arm tells of itself a hundred times a second; a hand is opened by nothing older.
+# What leads the arm reports its state a hundred times a second; a hand is opened by nothing older.
 _FRESH_S = 0.2
 
 

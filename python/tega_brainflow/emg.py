@@ -183,7 +183,7 @@ class BrainFlowEmg(LiveEmg):
         board, self._board = self._board, None
         if board is None:
             return
-        # A board that has gone cannot be told to stop; its session is then over all the same.
+        # A board that has gone cannot be stopped; its session is then over all the same.
         with contextlib.suppress(self._error):
             if board.is_prepared():
                 board.release_session()  # which stops the stream

@@ -107,7 +107,7 @@ class Blocks:
         self._last = given[-1].copy()
         n_before = len(self._waiting)
         if self._offset is not None:
-            # What stands still is told from the samples as they came: the filter would ring on after them.
+            # What stands still is found in the samples as they came: the filter would ring on after them.
             flat = np.concatenate([self._waiting_raw, given]) if n_before else given
             filtered = given - self._offset.process(given)
         else:

@@ -181,7 +181,7 @@ class FarTracker(Elsewhere):
     which the poses come.
     """
 
-    problem = ""  # the link tells by itself what is wrong with it
+    problem = ""  # the link itself reports what is wrong with it
 
     def __init__(self, frame: str, driver: str = "net", label: str = "the operator's station") -> None:
         self.frame = frame

@@ -23,7 +23,7 @@ _ASK_S = 1.0
 
 
 class Reception:
-    """Gives the lead to the first who asks, until that operator's sign of life is gone, and tells the station.
+    """Gives the lead to the first who asks, until that operator's sign of life is gone, and informs the station.
 
     Empty ``operators`` let any lead. ``frame`` is the axes in which the arm's poses are wanted, ``""`` without an
     arm. ``lock`` is the station's, held while who leads changes. ``begin`` is called with it held: with a session

@@ -107,7 +107,7 @@ class Station(Part, Opened):
             try:
                 self._turn(time.monotonic_ns())
             except Exception as error:
-                # Told as long as the run lasts; nothing more is sent, so the other side holds.
+                # Reported as long as the run lasts; nothing more is sent, so the other side holds.
                 self._error = f"link: no longer served: {error}"
                 self._notify(self._error)
                 return

@@ -99,7 +99,7 @@ class LslStreams:
         if name not in self._outlets:
             self._outlets[name] = self._outlet(name, record)
         outlet, n_channels = self._outlets[name]
-        # A decoder may tell a muscle's activity in some records only; a stream's channels are fixed.
+        # A decoder may report a muscle's activity in some records only; a stream's channels are fixed.
         if rows and len(rows[0]) == n_channels:
             outlet.push_chunk(rows, self._at_ns(getattr(record, "t_ns", 0)) * 1e-9 + self._to_lsl_s)
             self.n_pushed[name] = self.n_pushed.get(name, 0) + len(rows)

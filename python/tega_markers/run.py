@@ -16,7 +16,7 @@ from tega_markers.settings import MarkersSection
 
 # What was pushed last is on its way when the stream is taken away.
 _LINGER_S = 0.2
-# Told again to who comes later.
+# Sent again to each client that connects later.
 _STANDING = ("session", "trial", "state")
 
 

@@ -1,6 +1,6 @@
 """Connect to an OpenXR runtime, run a session without a picture, and locate something in it.
 
-:mod:`tega_openxr.tracker` does so in a thread. What a runtime lacks is told in plain words.
+:mod:`tega_openxr.tracker` does so in a thread. What a runtime lacks is reported in plain words.
 """
 
 from __future__ import annotations
@@ -245,7 +245,7 @@ class XrSession:
         if kind == xr.StructureType.EVENT_DATA_SESSION_STATE_CHANGED:
             changed = _as(event, xr.EventDataSessionStateChanged)
             if int(changed.time) > 0:
-                # The least time on its way tells the clocks' difference best.
+                # The sample that was shortest on its way gives the clocks' difference best.
                 ahead_ns = int(changed.time) - time.monotonic_ns()
                 self._ahead_ns = ahead_ns if self._ahead_ns is None else max(self._ahead_ns, ahead_ns)
             self._enter(xr.SessionState(changed.state).name.lower())

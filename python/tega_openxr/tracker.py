@@ -92,7 +92,7 @@ class OpenXr(ThreadedTracker):
         """Connect to the runtime, and wait until it begins the session."""
         if self._thread is not None:
             return
-        # The loader writes on standard error whatever it is asked in vain; what it says is told here in words.
+        # The loader writes on standard error each request that fails; the errors here say the same in words.
         os.environ.setdefault("XR_LOADER_DEBUG", "none")
         xr = require("xr", driver="openxr", extra=self.extra)
         self._forget()

@@ -199,7 +199,7 @@ class Ros2Part(CommandedPart):
                 there = set[str]().union(*map(node.senders, readers.values()))
                 for sender in self._numbers.keys() - there:
                     self._commands.release(self._numbers[sender])
-        except Exception as error:  # the run holds, and the operator is told why
+        except Exception as error:  # the run holds, and the page shows the operator why
             self._broken = f"{type(error).__name__}: {error}"
         finally:
             node.close()

@@ -35,7 +35,7 @@ def main() -> None:
             reopens=True,
         )
         film.open()
-    except Exception as error:  # the run tells it
+    except Exception as error:  # the run reports it
         answers.say("failed", error)
         return
     answers.say("open")

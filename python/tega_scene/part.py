@@ -54,7 +54,7 @@ class ScenePart(Part):
         bus, cameras = self._context.bus, cameras_of(self._context.config)
         if not (bus.wants(SceneVideo) or bus.wants(DisplayPicture)):
             return prepared
-        for camera in cameras:  # recordings carry both: what cannot be used is told now
+        for camera in cameras:  # recordings carry both: what cannot be used is reported now
             if camera.lens is not None and camera.layout is not None:
                 load_lens(camera.lens)
                 load_layout(camera.layout)
@@ -190,7 +190,7 @@ class _FilmingProcess:
     def _notify(self, subject: Any) -> None:
         pipe = self._process.stdin
         assert isinstance(pipe, io.BufferedWriter)
-        with contextlib.suppress(OSError, ValueError):  # it has died, which the thread hears
+        with contextlib.suppress(OSError, ValueError):  # it has died, which the thread detects
             send_object(pipe, subject)
 
     @run_realtime("beside")

@@ -50,7 +50,7 @@ EMG_HZ = 1000.0
 # of what is grasped, the board the broadest, so that neither column of the vest is full for a whole hold.
 PRESSES = 6
 PRESS_FRAMES = 24
-# Between two presses, longer than the gel needs to be told from a touched one.
+# Between two presses, longer than the gel needs to be distinguished from a touched one.
 PAUSE_FRAMES = 90
 FRAME_NS = round(1e9 / 60)
 MARBLE_RADIUS_MM = 12.0

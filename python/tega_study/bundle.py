@@ -38,7 +38,7 @@ _OF_THE_STUDY = ("study.toml", "plan.csv", JOURNAL, OBJECTS, SIMULATION, PARAMET
 _PACKED = {".mcap", ".avi", ".mp4", ".png", ".jpg", ".jpeg", ".xz"}
 _MOST_MIB: Final = 256 * 1024
 _MOST_MANIFEST_MIB: Final = 64
-# The earliest that ZIP knows: equal sessions give equal bytes, and no date tells when somebody took part.
+# The earliest that ZIP knows: equal sessions give equal bytes, and no date shows when somebody took part.
 _NO_DATE = (1980, 1, 1, 0, 0, 0)
 
 

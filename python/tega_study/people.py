@@ -1,7 +1,7 @@
-"""Compare conditions person by person: tests that speak of other people, or of these trials.
+"""Compare conditions person by person: tests about other people, or about these trials.
 
 Trials of one person are more alike than trials of two, and people differ in what feedback does to them. A test that
-forgets either finds effects that are not there. Those that speak of people take a person's means as the data.
+forgets either finds effects that are not there. Those about people take a person's means as the data.
 """
 
 from __future__ import annotations

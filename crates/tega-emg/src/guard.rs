@@ -107,7 +107,7 @@ impl Channel {
     fn take(&mut self, x: f64, patience: usize) -> f64 {
         self.restart = self.restart || self.must_restart(x);
         let good = is_good(x);
-        // `run` counts the samples in a row that speak against the present verdict.
+        // `run` counts the samples in a row that contradict the present verdict.
         self.run = if good == self.bad { self.run.saturating_add(1) } else { 0 };
         if self.run >= patience {
             (self.bad, self.run) = (!self.bad, 0);

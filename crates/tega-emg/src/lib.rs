@@ -3,7 +3,7 @@
 //! Samples are rows of one `f64` a channel in any unit. A [`GraspIntent`] conditions them as their [`Kind`] asks,
 //! low-passes them at 50 Hz, averages every τ samples, puts each channel on a level from 1 (open) to 5 (full closure)
 //! of its maximum and lets the channels vote. The parts are here on their own as well. Everything streams: results
-//! are bit-identical however a recording is cut into chunks. [`ChannelVotes`] tells which channels measure no muscle.
+//! are bit-identical however a recording is cut into chunks. [`ChannelVotes`] finds the channels that measure no muscle.
 //!
 //! ```
 //! use tega_emg::{channel_maxima, GraspIntent, Kind, Preset};

@@ -31,7 +31,7 @@ impl Mains {
         Self { share, least_rms, combs, returns, swing: vec![Lanes::ZERO; rows] }
     }
 
-    /// Tell the channels that are nearly all mains, with the line's frequency; of two lines the last counts.
+    /// The channels that are nearly all mains, with the line's frequency; of two lines the last counts.
     pub(crate) fn find(&mut self, rows: &[f64], mut found: impl FnMut(usize, f64)) {
         let (channels, n) = (self.least_rms.len(), self.swing.len() as f64);
         for first in (0..channels).step_by(LANES) {
@@ -83,7 +83,7 @@ struct Comb {
 impl Comb {
     fn new(line_hz: f64, rate_hz: f64, rows: usize) -> Self {
         let multiples = (1u32..).map(f64::from).take_while(|k| *k < rate_hz / 2.0 / line_hz);
-        // Of less samples than these a line cannot be told from anything else.
+        // Of less samples than these a line cannot be distinguished from anything else.
         let most = rows / 4;
         let multiples: Vec<f64> = multiples.take(most + 1).collect();
         let mut base: Vec<Vec<f64>> = Vec::new();

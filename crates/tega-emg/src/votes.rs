@@ -302,7 +302,7 @@ mod tests {
         assert!(votes.take(&stuck, &mut passed)?);
         assert_eq!((votes.began(), votes.room(), passed.len()), (Some(-1), 5, 10));
         assert!(passed[..5].iter().all(|x| x.is_finite()) && passed[5..].iter().all(|x| x.is_infinite()));
-        // The sign of zero is told; the value is the newest.
+        // The sign of zero is kept; the value is the newest.
         stuck = vec![0.0; 20];
         stuck[19] = -0.0;
         assert!(votes.take(&stuck, &mut passed)?);

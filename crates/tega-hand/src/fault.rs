@@ -79,7 +79,7 @@ pub enum Fault {
     },
     /// The angles stand still to the last count while the target moves.
     #[error(
-        "no joint angle has changed by a single count for {still_s:.1} s although the hand was told to move"
+        "no joint angle has changed by a single count for {still_s:.1} s although the hand was commanded to move"
     )]
     Frozen {
         /// For how long.

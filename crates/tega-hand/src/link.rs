@@ -230,7 +230,7 @@ impl HandLink {
         self.phase = phase;
         self.since_ns = Some(t_ns);
         if phase == Phase::Checking {
-            // `tries` stays above zero until the hand has been told what to send.
+            // `tries` stays above zero until the hand has been sent what to report.
             self.sets.restart();
             (self.n_checked, self.jumpiness, self.late, self.still) = (0, 0, false, None);
             self.angles_rad = None;

@@ -8,7 +8,7 @@ use tega_error::OutOfRange;
 /// Half of the maximum is the midpoint of the logistic law: "high" is where the wearer's motor is at 50 % or more.
 pub const HIGH_SHARE: f64 = 0.5;
 
-/// What a finger touches, as far as CCI and EDA tell.
+/// What a finger touches, as far as CCI and EDA show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum ContactType {
     /// No contact: EDA is 0.

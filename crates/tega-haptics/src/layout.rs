@@ -94,7 +94,7 @@ impl Mirror {
     }
 }
 
-/// What the motors of one layout are told at one moment.
+/// What the motors of one layout are commanded at one moment.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VestFrame {
     layout: Layout,

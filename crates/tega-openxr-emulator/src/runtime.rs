@@ -28,7 +28,7 @@ pub enum Place {
     Action { action: u64, user: String },
 }
 
-/// What the application is to be told.
+/// An event for the application.
 pub enum Told {
     /// The session's state has changed.
     State(SessionState),

@@ -5,7 +5,7 @@ use pyo3::prelude::*;
 
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 
-/// Writes torques, each cut to its limit, and tells whether all are finite; where one is not, nothing is written.
+/// Writes torques, each cut to its limit, and returns whether all are finite; where one is not, nothing is written.
 #[pyfunction]
 #[pyo3(signature = (torques, limits, out, /))]
 pub(crate) fn limit_torques(

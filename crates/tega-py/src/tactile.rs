@@ -112,7 +112,7 @@ fn with_pair<T: Send>(
     Ok(released(py, pair.width() * pair.height() > KEEP_UP_TO, || work(&pair)))
 }
 
-/// The same for many frames and their baselines; `work` is told how many pixels they have in all.
+/// The same for many frames and their baselines; `work` also takes how many pixels they have in all.
 fn with_pairs<T: Send>(
     py: Python<'_>,
     frames: &[Bound<'_, PyAny>],

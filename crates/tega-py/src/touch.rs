@@ -198,7 +198,7 @@ impl TouchTracker {
     }
 }
 
-/// Reads the next frame of each finger; each is told whether another one bears a load.
+/// Reads the next frame of each finger; each takes whether another one bears a load.
 #[pyfunction]
 #[pyo3(signature = (trackers, frames, *, dt_s))]
 pub(crate) fn update_fingers(

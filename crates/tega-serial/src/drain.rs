@@ -75,12 +75,12 @@ fn lock(waiting: &Mutex<Waiting>) -> MutexGuard<'_, Waiting> {
     waiting.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Reads until it is told to stop, or the port is gone.
+/// Reads until the stop pipe is written, or the port is gone.
 fn drain(port: &mut File, stop: &PipeReader, waiting: &Mutex<Waiting>) -> io::Result<()> {
     let mut piece = [0; 4096];
     while something_to_read(port, stop)? {
         match port.read(&mut piece) {
-            // Ready, and yet there is nothing: so the system tells of a port that was unplugged.
+            // Ready, and yet there is nothing: so the system reports a port that was unplugged.
             Ok(0) => return Err(io::Error::from_raw_os_error(libc::EIO)),
             Ok(n) => {
                 let arrival_ns = monotonic_ns();

@@ -1,6 +1,6 @@
 //! Drain a serial port in a thread of its own, which waits for nobody, and stamp what arrives.
 //!
-//! Whoever is interested takes what has come since the last time, and is told when the last of it arrived. A system's
+//! A reader takes what has come since the last time, with the time at which the last of it arrived. A system's
 //! buffer of a port keeps some kilobytes; here a mebibyte waits. There is nothing here but on Unix, whose ports are
 //! descriptors.
 

@@ -1,7 +1,7 @@
 //! A no-contact baseline from a recording.
 //!
 //! The first frames are not to be trusted: a camera starts dark, its buffers hold the last session's contact, and a
-//! recording may begin in contact. Nor is the most common picture: a grip may last. What tells a frame without contact
+//! recording may begin in contact. Nor is the most common picture: a grip may last. What marks a frame without contact
 //! is that it is the smoothest: pressing adds slopes of light, and never takes them away.
 //!
 //! A first pass keeps a thumbnail per frame ([`BaselineSurvey`]); only the frames it chooses are needed in full.

@@ -228,7 +228,7 @@ impl<'p, I: Exact> Map<'_, 'p, I> {
         }
     }
 
-    /// Equations 2 to 6; `count` tells how many pixels are at or above a grey value. `None` on overflow.
+    /// Equations 2 to 6; `count` returns how many pixels are at or above a grey value. `None` on overflow.
     fn resolve(&self, count: &dyn Fn(&I) -> u32) -> Option<ContactMetrics> {
         let (options, sums) = (self.options, &self.sums);
         let denominator = &sums.denominator;

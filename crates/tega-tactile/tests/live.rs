@@ -222,7 +222,7 @@ fn every_size_from_one_pixel_on_is_read() {
         assert_eq!((mask.len(), ones(mask)), (height * width, metrics.eda as usize));
         let map: Vec<f32> = reader.pressure_map().collect();
         assert!(map.len() == height * width && map.iter().all(|v| v.is_finite() && *v >= 0.0));
-        // Whatever 4 x 4 pairs of cells cannot tell, and one pixel cannot, is no contact.
+        // Whatever 4 x 4 pairs of cells cannot show, and one pixel cannot, is no contact.
         assert!(height.min(width) >= 8 || !metrics.in_contact, "{height}x{width}");
     }
 }

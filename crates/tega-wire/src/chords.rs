@@ -79,7 +79,7 @@ impl Decoder {
 }
 
 /// How many channels the packets in a stretch of stream have: the number that yields most packets in unbroken order,
-/// at least three. The name a board answers with does not tell for all of them.
+/// at least three. The name a board answers with does not settle it for all of them.
 ///
 /// Looks at the first 4096 bytes.
 pub fn detect_channels(data: &[u8]) -> Option<usize> {

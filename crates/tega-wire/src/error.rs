@@ -70,7 +70,7 @@ impl WireError {
                 "stop the controller and look for the NaN or overflow in its inputs; no torque is sent from it"
             }
             Self::Checksum { .. } | Self::Field { .. } | Self::PacketLength { .. } => {
-                "drop the packet and count it; if it repeats, the two ends speak different versions"
+                "drop the packet and count it; if it repeats, the two ends use different versions"
             }
             Self::OutOfRange(_) | Self::Setting { .. } | Self::Length { .. } | Self::Empty { .. } => "",
         }

@@ -9,7 +9,7 @@
 //! 3. Otherwise it is accepted if no other header begins inside it: in a stream without holes, a false frame always
 //!    has the true header inside.
 //! 4. Otherwise every frame that begins inside it is followed for two more frames. The chain whose counter advances
-//!    by one most often is the true one; chains that cannot be told apart are dropped, never guessed.
+//!    by one most often is the true one; chains that cannot be distinguished are dropped, never guessed.
 //!
 //! Each decision is taken as soon as, and only when, a fixed number of bytes is there, so it does not depend on how
 //! the stream was cut.

@@ -160,7 +160,7 @@ class ArmChain:
             self._take_hold()
 
     def _take_hold(self) -> None:
-        assert self._unfiltered is not None  # no trouble: both were heard
+        assert self._unfiltered is not None  # no trouble: both were received
         assert self._measured is not None
         if self._follower is None:
             outside = self._workspace.outside(self._measured)

@@ -35,7 +35,7 @@ def last_words(text: str) -> None:
 
 def _print_words() -> None:
     for text in dict.fromkeys(_words):
-        print(text, file=sys.stderr, flush=True)  # noqa: T201  # there is nothing left that could tell it
+        print(text, file=sys.stderr, flush=True)  # noqa: T201  # there is nothing left that could report it
 
 
 def closes_on_exit(close: Callable[[], None]) -> None:

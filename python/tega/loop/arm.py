@@ -137,7 +137,7 @@ class Steering:
             while not self._leaving.wait(max(0.0, next_s - time.monotonic())):
                 next_s = max(next_s + period_s, time.monotonic() - period_s)
                 self.turn(time.monotonic_ns(), self._arm.measured(), may_move=may_move())
-        except BaseException as error:  # told while the run lasts; the arm rests by itself
+        except BaseException as error:  # reported while the run lasts; the arm rests by itself
             self._error = f"arm: no longer led: {error}"
         is_stopped = self._command is not None and self._command.state == "stopped"
         self._take(

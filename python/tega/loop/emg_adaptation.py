@@ -42,7 +42,7 @@ MINUTE_S: Final = 60.0
 _REST_BELOW = 0.15
 _REST_CLOSURE = 0.05
 _TARGET_WITHIN = 0.35
-# Smaller errors are noise, and would be told for nothing.
+# Smaller errors are noise, and would be reported for nothing.
 _REST_ERROR = 0.005
 _TARGET_ERROR = 0.05
 # A step goes half of the way.

@@ -62,7 +62,7 @@ class ModelledAllegro:
         return allegro_limp_frames(device_id=self._device_id)
 
 
-# The rule was fitted on looks 10 ms apart; a hand's process tells angles every 8 ms.
+# The rule was fitted on looks 10 ms apart; a hand's process reports angles every 8 ms.
 HAND_POLL_NS: Final = 3 * HAND_TICK_NS
 
 

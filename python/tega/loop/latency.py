@@ -3,7 +3,7 @@
 ========  ==============================================================================================
 stage     from - to
 ========  ==============================================================================================
-touch, of each camera frame that changes what the vest is told
+touch, of each camera frame that changes what the vest is sent
 camera    the picture's capture stamp - our program has it in hand
 contact   - its contact is measured
 wait      - the loop makes a vest frame of it
@@ -17,14 +17,14 @@ skin      whole and the motor's onset, where that was measured: the middle of th
 intent, of each block of EMG when it first steers the hand
 sample    the newest sample's stamp - our program has it
 levels    - the block's levels are known
-wait      - the loop tells the hand
+wait      - the loop commands the hand
 report    - the hand reports its joints, every 3 ms on its own clock; torques answer a report
 hand-over - its first torques are handed to the transport
 own       levels and hand-over together
 whole     sample to hand-over
 motion, of each block of EMG that first asks a resting hand for another closure
 sample, levels, wait as above
-joint     the hand was told - a joint of it was seen to move in the positions that it reports
+joint     the hand was commanded - a joint moved in the positions that it reports
 whole     sample to that motion
 ========  ==============================================================================================
 """
@@ -172,7 +172,7 @@ class LatencyTrace:
         if self._block is not None:
             reported_ns = self._block[-1] + self._start_ns
             if (answer := self._answered_ns(reported_ns)) is not None:
-                # A report that was in already when the hand was told was not waited for.
+                # A report that was in already when the hand was commanded was not waited for.
                 stamps_ns = (max(answer[0], reported_ns) - self._start_ns, answer[1] - self._start_ns)
                 self._arrived("intent", "emg", (*self._block, *stamps_ns))
                 self._block = None

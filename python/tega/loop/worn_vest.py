@@ -93,7 +93,7 @@ class KeptDose:
         self.save()
 
     def _save_again(self) -> None:
-        with suppress(OSError):  # a full disk does not end a run; the last writing tells it
+        with suppress(OSError):  # a full disk does not end a run; the last writing reports it
             self.save()
 
 

@@ -180,7 +180,7 @@ class _Messages:
         value, t_ns = message.value, message.log_ns - self.epoch_ns
         topic = self.topics.setdefault(message.topic, _Topic(message.schema))
         topic.n_bytes += message.n_bytes
-        # The exchange with a hand is stamped with the machine's clock, as the link was told it.
+        # The exchange with a hand is stamped with the machine's clock, as the link received it.
         stamped = message.schema != "tega.HandExchange"
         topic.stamps.append(getattr(value, "t_ns", t_ns) if stamped else t_ns)
         topic.arrived.append(t_ns)

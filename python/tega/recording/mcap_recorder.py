@@ -218,7 +218,7 @@ class McapRecorder:
             self._file.close()
             if (failed := self._file.disk.error) is None:
                 self._part.replace(self.path)
-        except Exception as error:  # told; the file is finished at the next start
+        except Exception as error:  # reported; the file is finished at the next start
             self._stop(f"the file could not be finished: {type(error).__name__}: {error}")
             return
         if failed is not None:

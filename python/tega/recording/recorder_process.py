@@ -31,7 +31,7 @@ from tega.runtime.threads import run_realtime
 _LOG = logging.getLogger(__name__)
 
 _TURN_S: Final = 0.01
-# So often the process is told how much waits, and brings to the disk what it has, though nothing new comes.
+# So often the process receives how much waits, and writes what it has to the disk, though nothing new comes.
 _BEAT_S: Final = 0.1
 # Records go in parts of about so much, so that the queue empties while a full pipe waits.
 _PART_BYTES: Final = 4 * 1024 * 1024

@@ -38,7 +38,7 @@ def _serve(requested: BufferedReader, answers: AnswerPipe) -> None:
     with realtime(allowed=allowed), run_realtime("beside"):
         try:
             recorder = McapRecorder(SessionFolder(path), settings)
-        except Exception as error:  # the run tells it
+        except Exception as error:  # the run reports it
             answers.say("failed", error)
             return
         answers.say("done", recorder.path)

@@ -113,7 +113,7 @@ class _Check:
         """Return whether a message's log time is in the span."""
         t_ns = record.log_time - self._epoch_ns
         from_ns, to_ns = self.part
-        # A hand may have been spoken to before the session began.
+        # A hand may have been sent frames before the session began.
         return (from_ns == 0 or t_ns >= from_ns) and (to_ns is None or t_ns < to_ns)
 
     def _message(self, item: McapItem, copy: McapCopy) -> None:

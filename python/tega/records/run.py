@@ -11,9 +11,9 @@ TOUCH_STAGES: Final = ("camera", "contact", "wait", "map", "held", "hand-over", 
 INTENT_STAGES: Final = ("sample", "levels", "wait", "report", "hand-over", "own", "whole")
 MOTION_STAGES: Final = ("sample", "levels", "wait", "joint", "whole")
 
-# Recordings of before there was a greatest rate do not tell when it let a frame go.
+# Recordings of before there was a greatest rate do not say when it let a frame go.
 _STAMPS_WITHOUT_HELD: Final = 6
-# Older recordings do not tell when the hand reported, either.
+# Older recordings do not say when the hand reported, either.
 _STAMPS_WITHOUT_REPORT: Final = 5
 
 

@@ -9,7 +9,7 @@ of the time for other threads, and processes that a real-time thread starts are 
 rank        priority whose
 =========== ======== =====================================================================================
 ``hand``    9        the hand's process and who drains a serial port: nobody in the run waits for what they hold
-``act``     8        the loop, the vest's thread, the muscles', who hears the hand: short, and somebody waits for it
+``act``     8        the loop, the vest's thread, the muscles', the hand's reader: short, and somebody waits for it
 ``measure`` 6        a camera's: it looks at a picture and measures it, in less than a millisecond
 ``beside``  4        everything else in the program, and the recorder's process
 ``picture`` 2        coding a picture, which takes 1 to 2 ms without the interpreter lock

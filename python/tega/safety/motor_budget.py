@@ -97,7 +97,7 @@ class MotorBudget:
         left_s = 0.0 if self._t_ns is None else max(0.0, (t_ns - self._t_ns) * 1e-9)
         self._t_ns = t_ns if self._t_ns is None else max(t_ns, self._t_ns)
         power = self._displayed**2
-        # A vest that hears nothing for longer falls silent by itself.
+        # A vest that receives nothing for longer stops by itself.
         driven_s = min(left_s, _LONGEST_S)
         self.heat = power + (self.heat - power) * np.exp(-driven_s / HEAT_TAU_S)
         if left_s > driven_s:

@@ -4,7 +4,7 @@
 state      hand and vest                                        left for
 =========  ===================================================  ======================================
 idle       the hand opens, the vest rests                       armed, when nothing keeps from arming
-armed      likewise                                             active when told to go; else back to idle
+armed      likewise                                             active at the start; else back to idle
 active     the muscles steer the hand, touch is felt            hold, when something is lost
 hold       the hand keeps its level, touch is felt              active, when all is back; idle in the end
 stopped    the hand is without force, the vest rests            never

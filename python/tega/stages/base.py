@@ -211,7 +211,7 @@ class DayModel(Protocol):
         """Refuse a source or a person that the model was not made for: ``CalibrationError``."""
 
     def fitted(self, rest: NDArray[np.float64], effort: NDArray[np.float64]) -> DayModel:
-        """Return the model fitted to samples (n, channels); ``CalibrationError`` if it does not tell them apart."""
+        """Return the model fitted to samples (n, channels); ``CalibrationError`` if it does not separate them."""
 
     def save(self, path: Path) -> object:
         """Write it to a file."""

@@ -26,7 +26,7 @@ _BURSTS: Final = 2
 _BURST_NS: Final = 150_000_000
 """Length of a burst: a small coin motor needs about 0.18 s to reach its full vibration."""
 _PERIOD_NS: Final = _BURST_NS + 100_000_000
-"""From one burst to the next, long enough that two bursts are told apart."""
+"""From one burst to the next, long enough that two bursts are distinguished."""
 _AGAIN_NS: Final = 300_000_000
 """So soon after the last burst the same finger's slip is not shown again."""
 

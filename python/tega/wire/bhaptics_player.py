@@ -296,7 +296,7 @@ def _device(item: Any) -> Sdk3Device:
     if type(position) is not int or not isinstance(name, str) or not isinstance(connected, bool):
         raise WireError(f"no device of the Player, version 3: {str(item)[:60]!r}")
     battery = fields.get("battery")
-    # The Player gives -1 for a battery that it has not heard of.
+    # The Player gives -1 for a battery that no vest has reported.
     known = type(battery) is int and 0 <= battery <= 100
     plain = "".join(c for c in name if c.isprintable())[:_LONGEST_NAME]
     return Sdk3Device(position, plain, connected, battery if known else None)

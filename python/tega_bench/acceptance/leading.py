@@ -197,7 +197,7 @@ def _input_rate(moved: list[InputReading]) -> AcceptanceStep:
     return AcceptanceStep(
         name="rate",
         status="passed",
-        said=f"{len(stamps_ns)} reports in {_WATCH_S:g} s; such a device speaks where something changes",
+        said=f"{len(stamps_ns)} reports in {_WATCH_S:g} s; such a device reports when something changes",
         measured={"between_p50_ms": round(float(np.percentile(spans_ms, 50)), 2)},
     )
 

@@ -93,7 +93,7 @@ def play_bursts(
             left_s.append(first)
         begin_ns = clock.now_ns() + round(rests.uniform(*_REST_S) * 1e9)
     reported(bursts, bursts)
-    # The last one has to be heard to its end.
+    # The last one has to be recorded to its end.
     clock.sleep_until(begin_ns)
     return left_s, unsent
 

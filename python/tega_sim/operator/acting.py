@@ -197,7 +197,7 @@ class Operator:
                 trial.pending.append(event)
             return
         if any(heeded) and grip.steady(t_s):
-            # As the person is told, stronger is tighter, unless this object has taught the contrary.
+            # As the person was instructed, stronger is tighter, unless this object has taught the contrary.
             front, back = (
                 None if not heed else not (closure.known(panel) and closure.slope(panel) < 0)
                 for panel, heed in zip(_PANELS, heeded, strict=True)
@@ -221,7 +221,7 @@ class Operator:
                 mean, sd = belief.need
                 belief.need = (mean + self.person.grip.carry_over * (self._last_belief.need[0] - mean), sd)
         else:
-            # The skin adapts and recovers; how far, the person cannot tell.
+            # The skin adapts and recovers; how far, the person cannot know.
             vest = self.person.vest
             belief.fade(math.log1p(vest.adapt_gain) ** 2 * -math.expm1(-rest_s / vest.adapt_s))
         self._last_belief = belief

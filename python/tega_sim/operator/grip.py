@@ -161,7 +161,7 @@ class GripDecisions:
         return event.began_s < self._commanded_s + self._grip.closing_step_s and not own
 
     def _adjust(self, kinds: set[Kind]) -> int | None:
-        # Less than this cannot be told from the middle of the level.
+        # Less than this cannot be distinguished from the middle of the level.
         lost = self.level - self.closure.x
         if self.phase in _HELD and "slip" in kinds:
             self._barred = -1

@@ -201,7 +201,7 @@ class Going:
         closure = tips_mm = None
         if self._closure is not None and view.angles_rad is not None:
             angles_rad = np.asarray(view.angles_rad)
-            if np.isfinite(angles_rad).all():  # a hand that has told none yet has NaN
+            if np.isfinite(angles_rad).all():  # a hand that has reported none yet has NaN
                 closure, tips_mm = self._closure(angles_rad), tip_heights_mm(angles_rad)
         level = None if view.intent is None else view.intent.level
         return HandRow(t_s, level, closure, view.arm_height_m, tips_mm)

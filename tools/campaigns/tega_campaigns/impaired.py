@@ -2,7 +2,7 @@
 
 TCP delivers every byte once and in order, so a proxy can only make them late: a segment that is lost comes when it is
 sent again, and all behind it wait. That is how ``loss`` is done here. Packets that are really lost or change places
-need a wire below TCP, such as netem between network namespaces; what a station hears would be the same bytes in the
+need a wire below TCP, such as netem between network namespaces; what a station receives would be the same bytes in the
 same order.
 
 Example::

@@ -119,7 +119,7 @@ def kill_one(path: Path, after_s: float) -> Kill:
     next(reader.messages(), None)
     epoch_ns = int(reader.metadata["tega"]["epoch_ns"])
     alive_ns = epoch_ns + noted_tick_ns(note)
-    # A made-up source is read ahead of its time: the loop's own frames tell how far it had come.
+    # A made-up source is read ahead of its time: the loop's own frames show how far it had come.
     reported = [newest.get(topic, epoch_ns) for topic in ("/hand/frames", "/vest/frame")]
     lost_s = max(0, alive_ns - max(reported)) / 1e9
     stream_lost_s = max(

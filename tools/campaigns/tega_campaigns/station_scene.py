@@ -1,4 +1,4 @@
-"""Two stations on emulated devices, what stands between them, and what they tell."""
+"""Two stations on emulated devices, what stands between them, and what they report."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class StationScene:
             tree = lab.tree
             tree["hand"] = {"driver": "python-can", "options": {"interface": "virtual", "channel": "tega"}}
             tree["arm"]["tracker"] = {"driver": "poses-file", "options": {"file": str(_still(folder))}}
-            # A button of which nothing is heard for ten seconds is not believed.
+            # A button that sent nothing for ten seconds is not believed.
             stack.enter_context(every(self._hold_on, every_s=_PRESS_S))
             listen, connect = (f"tcp/127.0.0.1:{number}" for number in (port, self.link.port))
             trees = split(tree, listen=listen, connect=connect)

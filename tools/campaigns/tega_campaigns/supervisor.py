@@ -1,4 +1,4 @@
-"""Starts the program under test, hears what it says, holds it up, kills it, and starts it again."""
+"""Starts the program under test, reads what it prints, holds it up, kills it, and starts it again."""
 
 from __future__ import annotations
 

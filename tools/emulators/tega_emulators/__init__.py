@@ -1,1 +1,1 @@
-"""Emulated devices: programs of their own that speak a device's bytes, with faults that can be switched on."""
+"""Emulated devices: programs of their own that send a device's bytes, with faults that can be switched on."""

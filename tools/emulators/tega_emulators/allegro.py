@@ -19,7 +19,7 @@ __all__ = ["FAULTS", "AllegroNode"]
 Frame = tuple[int, bytes]
 
 FAULTS: Final = {
-    "silence": "sends nothing and hears nothing; the motors keep their last duty",
+    "silence": "sends nothing and receives nothing; the motors keep their last duty",
     "freeze": "sends the same angles for ever",
     "half": "the ring finger's positions are missing",
     "drop": "every tenth position frame is missing",
@@ -78,7 +78,7 @@ class AllegroNode:
         self.n_over = 0
         """Torque frames that were above either."""
         self.n_torques = 0
-        """Torque frames heard."""
+        """Torque frames received."""
         self.pushed_s = self.zero_s = self.off_s = -math.inf
         """Times of the last torque that was not zero, of the last change to zero torque, and of the last SERVO OFF."""
         self.answers_s: list[float] = []

@@ -28,7 +28,7 @@ MOVES: Final = (
     "rest, squeeze [STRENGTH [CHANNEL]], press FINGER [FIRMNESS [round|flat]], release, put round|flat, take, "
     "play [SEED], stop"
 )
-"""What :meth:`Moves.act` understands; ``vest`` besides, which tells what the vest's motors did."""
+"""What :meth:`Moves.act` understands; ``vest`` besides, which returns what the vest's motors did."""
 
 # What an arm that lies still has of full effort.
 _REST: Final = 0.02

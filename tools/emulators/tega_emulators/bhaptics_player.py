@@ -117,7 +117,7 @@ class Player:
                 connection.transport.pause_reading()
             else:
                 connection.transport.resume_reading()
-                with contextlib.suppress(ConnectionClosed):  # a client that is just leaving is not told
+                with contextlib.suppress(ConnectionClosed):  # a client that is just leaving receives nothing
                     await self._notify(connection)
 
     async def _greet(self, connection: ServerConnection, request: Request) -> Response | None:

@@ -7,7 +7,7 @@ and losses are not shown. The frame's layout is that of the open descriptions of
 known, it holds the last frame for ever, over a lost link too.
 
 Faults: ``drop`` (the link breaks), ``freeze`` (a write is never answered), ``slow`` (after 150 ms), ``refuse`` (does
-not let itself be connected), ``held`` (a program that died has left it connected), ``off`` (is not heard, though BlueZ
+not let itself be connected), ``held`` (a program that died has left it connected), ``off`` (is not found, though BlueZ
 remembers it), ``wrong-version`` (has no motor characteristic), ``garbage`` (an empty battery level), ``no-adapter``.
 """
 

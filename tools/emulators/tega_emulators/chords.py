@@ -1,7 +1,7 @@
 """A board with Chords firmware: ``python -m tega_emulators.chords``.
 
 0xC7 0x7C, a counter, one unsigned 16-bit number per channel with the high byte first, 0x01. It says its name to
-``WHORU``, and starts and stops to ``START`` and ``STOP``. Two generations of sketches are in use, which hear commands
+``WHORU``, and starts and stops to ``START`` and ``STOP``. Two generations of sketches are in use, which accept commands
 differently (upsidedownlabs/Chords-Arduino-Firmware, ``UNO-R4/UNO-R4.ino`` of October 2024 and
 ``NPG-LITE-Serial/NPG-LITE-Serial.ino`` of 2026); :class:`ChordsBoard` says how.
 """

@@ -1,4 +1,4 @@
-"""An emulated microcontroller that speaks TEGA's 64-byte USB reports, with a vest that remembers.
+"""An emulated microcontroller that implements TEGA's 64-byte USB reports, with a vest that remembers.
 
 There is no USB here: reports travel over a local socket, one packet each, and
 :class:`~tega_emulators.hid_port.HidPort`
@@ -7,7 +7,7 @@ counted, as the firmware has to.
 
 Faults: ``close`` (unplugged: closes the connection and is not found any more), ``freeze`` (takes nothing, says nothing,
 motors run out by their time to live), ``slow`` (takes a report in 150 ms), ``garbage`` (its reports have a wrong
-checksum), ``wrong-version`` (it speaks version 2), ``refuse`` (is there, does not open), ``no-vest`` (has no link to a
+checksum), ``wrong-version`` (it sends version 2), ``refuse`` (is there, does not open), ``no-vest`` (has no link to a
 vest).
 """
 

@@ -1,8 +1,8 @@
-"""Another program that marks moments and hears those of others: ``python -m tega_emulators.lsl_markers``.
+"""Another program that marks moments and receives those of others: ``python -m tega_emulators.lsl_markers``.
 
 Needs ``pylsl``. What its stream is called is the ``port`` that it prints. Commands: ``mark TEXT`` marks now,
 ``mark TEXT S`` what was S seconds ago; ``mark-latin TEXT`` marks TEXT and an accent in Latin-1; ``hear NAME`` listens
-to a stream of texts; ``heard`` tells what came, each with its stamp as it was sent. ``at_s`` is this process's
+to a stream of texts; ``heard`` returns what came, each with its stamp as it was sent. ``at_s`` is this process's
 monotonic clock, seconds; on Linux that is the library's own.
 """
 

@@ -3,7 +3,7 @@
 ``python -m tega_emulators.motor_sound`` is one motor by itself; an emulated vest makes the sound of its own
 motors, see :mod:`tega_emulators.vest_process`. Simulated: no real motor was recorded for it.
 
-A motor told to turn stands still for ``delay_ms`` (the vest's own radio, processor and the motor's stiction), then its
+A motor that is to turn stands still for ``delay_ms`` (the vest's own radio, processor and the motor's stiction), then its
 speed rises exponentially to what the drive asks for. Its force, and with it the sound, goes with the speed squared; the
 vibration therefore *begins* at ``delay_ms``. Noise, mains hum and knocks are added.
 
@@ -11,10 +11,10 @@ It obeys lines on its standard input::
 
     set NAME VALUE         one of SETTINGS
     forget                 everything before, settings included
-    drive SECONDS PERCENT  the motor is told this, at that time since the start
+    drive SECONDS PERCENT  the motor receives this, at that time since the start
     click SECONDS          a hard, short sound, as of a key that is struck
     knock SECONDS          a dull one
-    wav FILE SECONDS       writes what was heard from 0 on, 16-bit mono
+    wav FILE SECONDS       writes the sound from 0 on, 16-bit mono
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ or strapped on, trembles by 0.2 mm, the same at the same time; nothing it does i
     wave A HZ         it swings forward and back by A metres, so often a second, by the monotonic clock
     lose, find        the right one is only guessed (valid, not tracked) and drifts away; both again
     recentre DX DY DZ the origin is elsewhere, which is announced
-    state NAME        the session is told that its state is now such: idle, ready, visible, focused, stopping, ...
+    state NAME        the session's state is now this, as an event: idle, ready, visible, focused, stopping, ...
     instance-loss     the runtime is about to end
     asleep, awake     a new session stays idle; one that is idle gets ready
     off, on           the controllers and trackers are switched so

@@ -24,7 +24,7 @@ from tega_emulators.pipe import notify, obey
 
 __all__ = ["EmulatedBoard", "run_board"]
 
-# So many packets' times are remembered, which `sent` tells.
+# So many packets' times are remembered, which `sent` returns.
 _KEPT = 4096
 
 

@@ -1,4 +1,4 @@
-"""Stands for the package sounddevice: a microphone that hears an emulated vest, and a loudspeaker that it hears too.
+"""Stands for the package sounddevice: a microphone at an emulated vest, and a loudspeaker that it records, too.
 
 It has the calls that TEGA makes, with that package's arguments, answers and failures. The sound is made in the
 process of the emulated vest; here it is fetched at its own pace, as old as a converter and its buffers make it.

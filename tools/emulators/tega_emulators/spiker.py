@@ -64,7 +64,7 @@ def main() -> None:
             "type": int,
             "default": 1,
             "dest": "n_channels",
-            "help": "before it is told otherwise",
+            "help": "before a command changes it",
         },
         "--deaf": {"action": "store_true", "help": "take no command"},
     }

@@ -5,7 +5,7 @@ every other one, ``clear`` for none, ``limit 80 0.5`` (what to count as too much
 full drive for ever would make it), ``glance``, answered by what the motors do now, or ``look``, by everything that was
 seen.
 
-Its motors can be heard (:mod:`~tega_emulators.motor_sound`): ``sound delay_ms 80`` changes how, ``hear FROM N``
+Its motors can be recorded (:mod:`~tega_emulators.motor_sound`): ``sound delay_ms 80`` changes how, ``hear FROM N``
 gives the next N samples, the first call setting the time of the first; ``click S`` and ``knock S`` are heard at that
 time.
 """

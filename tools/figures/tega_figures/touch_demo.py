@@ -1,4 +1,4 @@
-"""Scores the touch of the demo's three lifts against what the simulator knows: felt, told falsely, jumps, ranks.
+"""Scores the touch of the demo's three lifts against what the simulator knows: felt, reported falsely, jumps, ranks.
 
 The lifts are those of ``tega-teleop demo``: the same objects, person and loop, in which each finger is told whether
 another bears a load. The truth of a frame is that of its exposure.

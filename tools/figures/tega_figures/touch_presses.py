@@ -54,11 +54,11 @@ class PressScore(NamedTuple):
     rising_jump: float
     """The same while the force rises from 1.5 to 5 N, share of the later frame's."""
     released_s: float
-    """From the end of the force until it is no longer told, seconds."""
+    """From the end of the force until it is no longer reported, seconds."""
     false_before: int
-    """Frames told before the press."""
+    """Frames reported as touched before the press."""
     false_after: int
-    """Frames told from 1 s after release."""
+    """Frames reported as touched from 1 s after release."""
 
 
 def unit_seeds(n: int, text: str = SEED_TEXT) -> list[int]:

@@ -190,7 +190,7 @@ impl DentReader {
         self.combine(strongest)
     }
 
-    /// Tells every run of pixels of the last dent: (row, first column, last column excluded).
+    /// Gives every run of pixels of the last dent: (row, first column, last column excluded).
     pub fn paint(&self, level: Outline, paint: impl FnMut(usize, usize, usize)) {
         self.outliner.paint(&self.dent, level.level(), paint);
     }

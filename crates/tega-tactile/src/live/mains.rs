@@ -5,7 +5,7 @@
 //! variance of that gain is measured: as the covariance of two outer thirds of the picture, which neither noise nor a dent in one of them
 //! adds to, over the three quarters of the lines that have least of it. Where there are bands, the gain of each line is fitted with that variance as its prior and taken out.
 //!
-//! A dent on a line pulls its gain, and always to the same side, so a contact is told from bands by its staying: bands that move from picture to
+//! A dent on a line pulls its gain, and always to the same side, so a contact differs from bands in that it stays: bands that move from picture to
 //! picture have no mean. In contact the gains are fitted to what a picture differs by from the mean of those before. Bands that hardly move are a
 //! wave of known length ([`super::wave`]), or else are fitted to the change itself, in which a contact is hardly trusted. Where there are none,
 //! nothing is changed.
@@ -162,7 +162,7 @@ impl Mains {
             self.held.clone_from(white);
         }
         moved.clone_from(white);
-        // Slow waves are told from a contact after some more pictures.
+        // Slow waves are distinguished from a contact after some more pictures.
         let told = still * (2.0 - 2.0 * turn) >= 1.0;
         if still > 0.0 {
             let share = (dt_s / (HELD_S + dt_s)).max(1.0 / still);

@@ -128,7 +128,7 @@ impl Outliner {
         self.paint(field, level, |_, _, _| {})
     }
 
-    /// The same, and `paint` is told every run of pixels: (row, first column, last column excluded).
+    /// The same, and `paint` takes every run of pixels: (row, first column, last column excluded).
     #[inline(always)]
     pub fn paint(&self, field: &[f32], level: f32, mut paint: impl FnMut(usize, usize, usize)) -> Moments {
         let mut moments = Moments::default();

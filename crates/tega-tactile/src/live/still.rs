@@ -149,7 +149,7 @@ impl Cells {
         self.reader.read_steady(&self.white, &self.grid, outline, filter, &evidence)
     }
 
-    /// Tells every run of pixels of the last dent: (row, first column, last column excluded).
+    /// Gives every run of pixels of the last dent: (row, first column, last column excluded).
     pub fn paint(&self, outline: Outline, paint: impl FnMut(usize, usize, usize)) {
         self.reader.paint(outline, paint);
     }

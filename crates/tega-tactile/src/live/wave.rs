@@ -1,8 +1,8 @@
 //! Bands of mains light that hardly move: a wave over the lines, whose length stays while it turns.
 //!
 //! At rest the gains of two outer thirds of the picture are averaged for half a second, in which bands that move leave nothing. Where one wave
-//! explains most of what is left, its length is known. In contact such bands cannot be told from it line by line, but the two numbers of a wave of
-//! known length are told by the lines' parts that nothing touches.
+//! explains most of what is left, its length is known. In contact such bands cannot be separated from it line by line, but the two numbers of a wave of
+//! known length are found from the lines' parts that nothing touches.
 
 use std::ops::RangeInclusive;
 

@@ -76,7 +76,7 @@ class Cyton(LiveSerialEmg):
     def _start(self) -> None:
         o = self._options
         port = self._connect(_BAUD)
-        # A board that a crashed program left streaming answers nothing before it is told to stop.
+        # A board that a crashed program left streaming answers nothing before it is stopped.
         port.write(b"s")
         port.drain(quiet_s=0.1, timeout_s=1.0)
         self._firmware = self._reset(port)

@@ -183,7 +183,7 @@ def swapped_channels(drives: ArrayLike, names: Sequence[str]) -> str:
         return ""
     best = max(itertools.permutations(own), key=lambda order: np.log(rises[own, list(order)]).sum())
     moved = [k for k in own if best[k] != k]
-    # The ratio is per channel that moved, so that a cycle of three is not told more easily than a pair.
+    # The ratio is per channel that moved, so that a cycle of three is not found more easily than a pair.
     gain = np.log(rises[moved, [best[k] for k in moved]] / rises[moved, moved]) if moved else np.zeros(1)
     if gain.mean() < np.log(SWAPPED_RATIO):
         return ""

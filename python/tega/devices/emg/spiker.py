@@ -24,7 +24,7 @@ from tega.wire import SpikerDecoder
 _STEPS_HZ: Final = 2_000_000.0
 _STEPS_A_CHANNEL: Final = 199
 _LARGEST: Final = 1023
-# How long the board is heard before it is told again; some 800 frames of three channels.
+# How long the board is read before it is sent the command again; some 800 frames of three channels.
 _POLL_S: Final = 0.25
 _ENOUGH: Final = 20  # frames that show how many channels they have
 

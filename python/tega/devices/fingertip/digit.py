@@ -44,7 +44,7 @@ _GAP = 1.5
 # A picture read within this share of an interval was there already; after so many on end the program is behind.
 _AT_ONCE = 0.25
 _N_AT_ONCE = 3
-# The true rate is counted over so many seconds, and told where it is below this share of what was agreed.
+# The true rate is counted over so many seconds, and reported where it is below this share of what was agreed.
 _RATE_S = 2.0
 _STARVED_SHARE = 0.8
 

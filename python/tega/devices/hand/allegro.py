@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _START_S = 10.0
 _KEPT = 16_384
-# The hand's process tells how it is 125 times a second.
+# The hand's process reports its state 125 times a second.
 _UNHEARD_S = 0.1
 _REFUSED = frozenset({"wrong-version", "wrong-side"})
 

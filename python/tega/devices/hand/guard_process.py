@@ -135,7 +135,7 @@ class GuardProcess:
                 f"the process that {self._subject} did not start",
                 "its error output says why; nothing was switched on",
             )
-        # Windows has no such pipes: what is written fits, since a process that hears nothing is ended after 2 s.
+        # Windows has no such pipes: what is written fits, since a process that receives nothing is ended after 2 s.
         if process.stdin is not None and sys.platform != "win32":
             os.set_blocking(process.stdin.fileno(), False)
         self._requested_s = self._received_s = time.monotonic()
@@ -169,7 +169,7 @@ class GuardProcess:
                 except (DeviceUnavailableError, OSError):
                     time.sleep(_AGAIN_S)
                     continue
-                # Until it has heard something it takes the device for switched off.
+                # Until it has received something it takes the device for switched off.
                 self._write(b".\n", process)
                 with self._swap:
                     self._process, closing = process, self._closing.is_set()

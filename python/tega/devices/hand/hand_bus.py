@@ -34,7 +34,7 @@ SEND_S = 0.01
 _REOPEN_S = 1.0
 _MOST_FRAMES = 64
 _MOST_DRAINED = 64
-# Buses that give their own frames back, which are then no other program's; python-can cannot tell them apart.
+# Buses that give their own frames back, which are then no other program's; python-can cannot distinguish them.
 _ECHOING = frozenset({"udp_multicast"})
 _MOST_ECHOES = 64
 

@@ -65,7 +65,7 @@ class HandProcess:
         self._process = start_child("tega.devices.hand.hand_program", stdout=subprocess.PIPE)
         assert isinstance(self._process.stdin, BufferedWriter)
         widen_pipe(self._process.stdin)
-        with contextlib.suppress(OSError):  # it has ended: told of when the hand is opened
+        with contextlib.suppress(OSError):  # it has ended: reported when the hand is opened
             send_object(self._process.stdin, (self._options, realtime_allowed()))
 
     def open(self, *, whole: bool) -> None:
@@ -99,7 +99,7 @@ class HandProcess:
             end_child(process, LEAVE_S)
             text.close()
             raise error
-        # Windows has no such pipes: a process that takes no word is told of before one is full.
+        # Windows has no such pipes: a process that reads nothing is reported before one is full.
         if sys.platform != "win32":
             os.set_blocking(requested.fileno(), False)
         self._received_s = time.monotonic()
@@ -137,7 +137,7 @@ class HandProcess:
         if self._broke:
             return self._broke
         now_s = time.monotonic()
-        if now_s - self._looked_s > _AWAY_S:  # what has come since is still to be heard
+        if now_s - self._looked_s > _AWAY_S:  # what has come since is still to be read
             self._since_s = now_s
         self._looked_s = now_s
         if (silent_s := now_s - max(self._since_s, self._received_s)) > _SILENT_S:
@@ -150,7 +150,7 @@ class HandProcess:
         self._text_s = time.monotonic()
         process = self._process
         if process is not None and process.stdin is not None:
-            with contextlib.suppress(OSError, ValueError):  # it is gone, or full of words: both are told of
+            with contextlib.suppress(OSError, ValueError):  # gone, or its pipe is full: both are reported
                 os.write(process.stdin.fileno(), _WORD.pack(*self._word))
 
     @run_realtime("act")
@@ -173,7 +173,7 @@ class HandProcess:
                 "" if code is None else f" ({code})"
             )
             self._let_go_instead()
-        except BaseException as error:  # of who is told; the next step can act on it
+        except BaseException as error:  # of the callback; the next step can act on it
             self._broke = f"the hand's process does not answer any more ({type(error).__name__}: {error})"
 
     def _let_go_instead(self) -> None:

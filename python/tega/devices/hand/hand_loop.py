@@ -90,11 +90,11 @@ class HandLoop:
                     self._bus.drain()
                     frames = []
                 self._exchange(frames, standstill)
-        # A panic of native code, too; told by the next step, which can act on it.
+        # A panic of native code, too; raised by the next step, which can act on it.
         except BaseException as error:
             self._died = f" ({type(error).__name__}: {error})"
         finally:
-            # Whatever was sent before: a hand that hears this is without force.
+            # Whatever was sent before: a hand that receives this is without force.
             last = link.abandon()
             self._note(HandSpoken(time.monotonic_ns(), 0, [], last, "abandon", self._bus.send(last)))
             self._ready = True
@@ -133,7 +133,7 @@ class HandLoop:
         self._ready = self._ready or link.phase in {"running", "faulted"}
         n_words, _ = orders.pulse()
         if self._guard is not None and self._ready and n_words != self._n_guarded:
-            # It hears of the run, not of this loop alone.
+            # It watches the run, not this loop alone.
             self._n_guarded = n_words
             self._guard.beat()
         if link.phase != before or t_ns * 1e-9 - self._reported_s > _REPORT_S:

@@ -63,7 +63,7 @@ def _steer(options: Any, *, requested: FileIO, orders: HandOrders, answers: Buff
     except EOFError:  # the run has given up, or was killed, before it opened the hand
         loop.dismiss()
         return
-    except Exception as error:  # the run tells it
+    except Exception as error:  # the run reports it
         send_object(answers, error)
         return
     send_object(answers, None)

@@ -42,7 +42,7 @@ _MULTI_AXIS: Final = (1, 8)  # usage page and usage of the interface with the ax
 _FULL_SCALE: Final = 350
 # No hand pushes the cap to twice its full scale: such a value is no motion.
 _IMPOSSIBLE: Final = 2 * _FULL_SCALE
-# A deflected cap speaks every 16 ms; six of its reports are missing then.
+# A deflected cap sends a report every 16 ms; six of its reports are missing then.
 _WATCHDOG_NS: Final = 100_000_000
 _BUTTON_NAMES: Final = {0: "left", 1: "right"}
 

@@ -22,7 +22,7 @@ from tega.records import PoseNumbers
 from tega.runtime.device_items import InputReading
 from tega.runtime.files.tables.numbers import named_rows
 
-# A pose is told once in so long at most, as a tracker would; the summing goes on between.
+# A pose is reported once in so long at most, as a tracker would; the summing goes on between.
 _LEAST_NS: Final = 1_000_000
 # After a longer pause the deflection of before is not summed up: nobody knows how long it lasted.
 _LONGEST_S: Final = 0.1

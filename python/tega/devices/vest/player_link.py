@@ -98,7 +98,7 @@ class PlayerLink(VestLink):
         notes = []
         has_vest = None if self._spoken is None else self._spoken.has_vest
         if self._passed_over:
-            notes.append(f"version 2 is spoken, since version 3 did not answer: {self._passed_over}")
+            notes.append(f"version 2 is used, since version 3 did not answer: {self._passed_over}")
         if has_vest is None and self._ws is not None:
             notes.append(f"the {self._where} did not say whether a vest is connected")
         if has_vest is False:
@@ -110,7 +110,7 @@ class PlayerLink(VestLink):
         return tuple(notes)
 
     def connect(self) -> None:
-        """Open a version of the websocket that the Player speaks; see :class:`VestLink`."""
+        """Open a version of the websocket that the Player supports; see :class:`VestLink`."""
         requested = versions_to_ask(self._options)
         for version in requested:
             try:

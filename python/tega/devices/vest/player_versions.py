@@ -1,4 +1,4 @@
-"""Hold the settings of a vest behind the bHaptics Player, and speak versions 2 and 3 of its websocket.
+"""Hold the settings of a vest behind the bHaptics Player, and implement versions 2 and 3 of its websocket.
 
 A version encodes messages and keeps the content of the Player's answers. Nothing here opens a socket:
 :class:`~tega.devices.vest.player_link.PlayerLink` carries the messages.

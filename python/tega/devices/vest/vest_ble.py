@@ -206,7 +206,7 @@ class _BleLink(VestLink):
                 return bool(device.address.lower() == self._options.address.lower())
             return (name or "").startswith(_NAMES)
 
-        # A connected vest is not heard: a program that was killed may have left it so.
+        # A connected vest is not found: a program that was killed may have left it so.
         with contextlib.suppress(NotImplementedError):
             adapter = await self._bleak.BleakAdapter.get()
             for device in await adapter.get_connected_devices([_SERVICE]):

@@ -54,7 +54,7 @@ class VestWatch:
         if self.guard is None:
             self.guard = GuardProcess("silences the vest", _MODULE, address, path)
             self._of, self.silent = (address, path), True
-            self.beat()  # until it has heard something it takes the vest for silent
+            self.beat()  # until it has received something it takes the vest for silent
 
     def beat(self) -> None:
         """Report to the process that the program is alive."""

@@ -67,7 +67,7 @@ class ColumnTones:
         side_rad = np.tile(np.linspace(0.0, np.pi / 2, 4), 2)
         self._ears = np.stack([np.cos(side_rad), np.sin(side_rad)], axis=1)
         self._amplitude = np.zeros(8)
-        # What was told last, and how many samples were made since: one tuple, since two threads share it.
+        # The latest command, and how many samples were made since: one tuple, since two threads share it.
         self._reported: tuple[NDArray[np.float64], int] = (np.zeros(8), 0)
         self._rendered = self._reported
         self._n_made = 0

@@ -262,7 +262,7 @@ class StreamedVest(Opened):
         """Return whether the vest shows two frames, uint8 (40,), percent, identically."""
         if one.tobytes() == other.tobytes() or not self.in_steps:
             return one.tobytes() == other.tobytes()
-        # Nobody knows how others round: a motor that is to rest is told at once.
+        # Nobody knows how others round: a motor that is to rest is stopped at once.
         return (
             _native.motor_steps(one).tobytes() == _native.motor_steps(other).tobytes()
             and (one == 0).tobytes() == (other == 0).tobytes()

@@ -75,7 +75,7 @@ class Inputs:
     def _notify(self, events: Mapping[str, list[InputEvent]], bus: Bus, pacer: Pacer) -> None:
         for seat, seen in self.seen.items():
             state = seen.state
-            content = state[1:]  # without the time at which the device was last heard
+            content = state[1:]  # without the time of the device's latest report
             if self._text.get(seat) != content:
                 self._text[seat] = content
                 held = tuple(sorted(state.held))

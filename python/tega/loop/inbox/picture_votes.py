@@ -102,7 +102,7 @@ class CameraVote:
 # that is read faster than it exposes.
 STUCK_FRAMES = 3
 
-# A grid of pixels this far apart tells two noisy pictures from each other at a thousandth of the cost of all of them.
+# A grid of pixels this far apart distinguishes two noisy pictures at a thousandth of the cost of all of them.
 _SAMPLE_STRIDE = 40
 
 

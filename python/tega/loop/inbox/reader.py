@@ -45,7 +45,7 @@ class Reader(Generic[Given]):
         try:
             with run_realtime(self._rank) if self._rank else nullcontext():
                 end_ns = self._pass_on(iter(self._produce(self._stop.is_set)))
-        except BaseException as raised:  # carried to whoever is told of the end
+        except BaseException as raised:  # carried to the function that is called at the end
             error = raised
         self._done(end_ns, error)
 

@@ -22,7 +22,7 @@ from tega.loop.inbox.reader import READ_TIMEOUT_S, Given, opened_again
 from tega.records import EmgSamples, Intent, Picture
 from tega.stages.base import Decoder
 
-# Of missing EMG samples at most this much is told to the filters, which start afresh after a tenth of a second.
+# Of missing EMG samples at most this much is given to the filters, which start afresh after a tenth of a second.
 MOST_GAP_S = 1.0
 
 _ROUNDING_NS = 1000
@@ -138,7 +138,7 @@ class BlockMeter:
     ) -> None:
         self._decoder, self._adaptation, self.report = decoder, adaptation, report
         self._votes = ChannelVotes(maxima.rate_hz, maxima.tau, maxima.kind, maxima.channels, maxima.maxima)
-        # The faults that the report tells.
+        # The faults that the report lists.
         self._reported = self._votes.faults
         # Blocks that had a vote, with the number of samples at their end.
         self._sound: deque[tuple[int, Intent]] = deque(maxlen=_KEPT_BLOCKS)
@@ -205,7 +205,7 @@ class BlockMeter:
             levels = zip(self._names, intent.channels, strict=True)
             intent = replace(intent, channels=tuple(0 if name in faults else level for name, level in levels))
         if any(intent.channels) and self._sound and self._votes.still:
-            # The next block tells whether this is a fault; until then its low level is not passed on.
+            # The next block shows whether this is a fault; until then its low level is not passed on.
             last = self._sound[-1][1]
             intent = replace(intent, level=last.level, closure=last.closure)
         elif any(intent.channels):

@@ -26,7 +26,7 @@ _UNSETTLED = 2.0
 # This share of pictures in contact with the mean of all means that something moved.
 _MOVED_SHARE = 0.1
 # On 31 real presses a dent stands 37 counts or more out of a smooth surface fitted to its own picture, and the same
-# sensor's untouched gel 29: there is no sharper way to tell without an earlier baseline.
+# sensor's untouched gel 29: there is no sharper test without an earlier baseline.
 _DENT_PEAK = 33.0
 _SURFACE_ORDER = 5
 

@@ -31,7 +31,7 @@ def try_arm(case: DriverCase) -> list[Finding]:
             until_s = time.monotonic() + _POLL_S
             while (seen := arm.measured()) is None and time.monotonic() < until_s:
                 time.sleep(_STEP_S)
-            time.sleep(_POLL_S / 3)  # so that its loop has a rate to tell
+            time.sleep(_POLL_S / 3)  # so that its loop has a rate to report
             arm.measured()
             health = arm.health
     except TegaError as error:
@@ -121,7 +121,7 @@ def _frame(arm: ArmConfig) -> str:
         return "base"
     try:
         tracker: Any = driver_class(arm.tracker.driver, "tracker")(arm.tracker.options)
-    except TegaError:  # told where it is tried
+    except TegaError:  # reported where it is tried
         return ""
     return str(tracker.frame)
 

@@ -29,7 +29,7 @@ from tega.tactile.tracker import TouchTracker, sensor_noise
 _PERIODS: Final = np.arange(1.25, 6.01, 0.25)
 # Rows or columns are taken together to so many lines.
 _LINES: Final = 40
-# Turns in the look: of slow waves a few, of others all that can be told apart.
+# Turns in the look: of slow waves a few, of others all that can be distinguished.
 _SLOW_TURNS: Final = np.geomspace(0.03, 0.5, 9)
 _TURNS: Final = 0.25
 _FITS: Final = 10.0

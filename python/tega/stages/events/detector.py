@@ -164,7 +164,7 @@ class Detector:
             self._sinking.clear()
         for finger, tip_mm in (tips_mm or {}).items():
             self._sinking.setdefault(finger, SinkTrack(self._s.sink_s[-1])).add(t_s, tip_mm)
-        # The joints are told more often than pictures, and without a camera's delay.
+        # The joints are reported more often than pictures, and without a camera's delay.
         return found + self._slip(t_s) if tips_mm and self._rule() is self._s.sink else found
 
     def close(self, t_s: float) -> list[DetectedEvent]:

@@ -125,7 +125,7 @@ class PageGuide(LineGuide):
         try:
             while True:
                 with contextlib.suppress(queue.Empty):
-                    return pressed.get(timeout=0.2)  # so that Ctrl-C is heard
+                    return pressed.get(timeout=0.2)  # so that Ctrl-C is noticed
         finally:
             for button in self.buttons.values():
                 button.remove()

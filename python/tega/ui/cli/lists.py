@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from tega.setup.doctor.bench import DriverProbe
 
 
-# Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be heard.
+# Long enough for a look at the ports and the network; a Bluetooth vest may take longer to be found.
 _POLL_S = 2.0
 
 

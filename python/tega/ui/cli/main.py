@@ -204,7 +204,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             sys.exit(EXIT_USAGE)
         sys.exit(EXIT_DEVICE if isinstance(error, DeviceUnavailableError) else EXIT_FAILED)
     except BrokenPipeError:
-        # The reader of our output went away; nothing of ours is wrong, and nothing can be told to it.
+        # The reader of our output went away; nothing of ours is wrong, and nothing can be printed.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(EXIT_FAILED)
     except OSError as error:

@@ -124,7 +124,7 @@ def print_summary(summary: dict[str, Any], *, measured: dict[str, float]) -> Non
 
 def _print_safety(out: Console, summary: dict[str, Any]) -> None:
     changes = summary["safety"]["changes"]
-    # A run that was active from the first moment to its end has nothing to tell.
+    # A run that was active from the first moment to its end has nothing to report.
     if len(changes) > 3 or (changes and changes[0]["t_s"] > 0):
         table = figures_table([], ["s"], "states")
         table.add_column("state")

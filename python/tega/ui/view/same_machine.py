@@ -22,7 +22,7 @@ LOOPBACK: Final = ("127.0.0.1", "localhost", "::1")
 _MOST_HEAD_BYTES: Final = 16_384
 _HEAD_S: Final = 5.0
 _MOST_CONNECTIONS: Final = 16
-# More than the 100 that asyncio accepts in one turn: a client among many is heard before it is the oldest.
+# More than the 100 that asyncio accepts in one turn: a client among many is served before it is the oldest.
 _MOST_SHAKING: Final = 128
 _PIECE_BYTES: Final = 65_536
 _POLL_S: Final = 0.2

@@ -67,7 +67,7 @@ def python_mutants(tree: Path, seed: int) -> Iterator[Mutant]:
     from cosmic_ray.mutating import mutate_code
     from cosmic_ray.plugins import get_operator, operator_names
 
-    # Operators that need to be told what to replace are left out.
+    # Operators that need an argument for what to replace are left out.
     operators = {
         name: get_operator(name)() for name in operator_names() if not get_operator(name).arguments()
     }

@@ -12,7 +12,7 @@ module         what it does
 =============  =========================================================================================
 
 What it shares with the other campaigns: :mod:`tega_campaigns.runner` runs its faults, :mod:`tega_campaigns.supervisor`
-starts :mod:`tega_campaigns.program`, hears it and starts it again, and :mod:`tega_campaigns.standstill` says when the
+starts :mod:`tega_campaigns.program`, watches it and starts it again, and :mod:`tega_campaigns.standstill` says when the
 whole machine did nothing, which is no fault of the system.
 """
 

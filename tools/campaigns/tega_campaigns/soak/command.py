@@ -45,10 +45,10 @@ def soak(
     Four fingertip cameras, an EMG board, a hand, a vest, a headset and a pedal, each a program of its own, and a
     recorded run that leads a simulated arm; with --stations the same shared among two stations. They are unplugged,
     frozen, slowed down, fed with noise and wrong data; the clock is set, the disk is full, the run is killed. It
-    passes if every fault is told and over afterwards, no command beyond a limit reaches hand, vest or arm, no
+    passes if every fault is reported and over afterwards, no command beyond a limit reaches hand, vest or arm, no
     recording loses more than half a second, and memory does not grow; and if enough took place: at least 95 % of the
     faults could be judged, each kind once, and there were commands and recordings. Guards are set as they come, or as
-    --patient says, which the report then tells. Exit code 1 if it does not pass.
+    --patient says, which the report then states. Exit code 1 if it does not pass.
     """
     import sys
     import tempfile

@@ -192,7 +192,7 @@ class _Soak:
             reported = self._reported(kind, seen_s)
             if reported is None and kind.then == "recovers" and time.monotonic() > over_s:
                 break
-        # A fault that is over before it could be seen may be told a moment later.
+        # A fault that is over before it could be seen may be reported a moment later.
         time.sleep(max(0.0, over_s - time.monotonic()))
         still_felt = kind.device in FINGERS and kind.how not in _FRESH and self._felt(kind.device)
         vibrates = self._breaker.holds_up(kind) and until(self._lab.at_rest, _LIMP_S) is None

@@ -1,1 +1,1 @@
-"""Measure what a mapping lets a simulated person tell: information, thresholds, dose and habituation."""
+"""Measure what a mapping lets a simulated person distinguish: information, thresholds, dose and habituation."""

@@ -1,4 +1,4 @@
-"""Simulate what many looks at a vest tell one person, motor by motor, in batches of trials.
+"""Simulate what many looks at a vest show one person, motor by motor, in batches of trials.
 
 It is the skin of :mod:`tega_sim.operator.vest_sense` (link, motor's lag, spread, threshold, noise of a look), with
 the same numbers of the same simulated people, but with a place for every motor: that one sums a face up by its

@@ -1,6 +1,6 @@
 """Query a Franka robot's control interface for its version, and find the matching software.
 
-This module speaks only the robot's handshake. The handshake returns the server's version without moving anything. It
+This module has only the robot's handshake. The handshake returns the server's version without moving anything. It
 does not need libfranka, so it also works if the library is missing or has the wrong version.
 """
 
@@ -56,7 +56,7 @@ class Library(NamedTuple):
 
 
 def fitting_server(libfranka: str) -> int | None:
-    """Return the number of the robot server that a libfranka speaks to; ``None`` if it is no version.
+    """Return the number of the robot server that a libfranka connects to; ``None`` if it is no version.
 
     Example:
         >>> fitting_server("0.9.2"), fitting_server("0.21.2"), fitting_server("?")

@@ -31,7 +31,7 @@ _KEPT_S = 5.0
 _AHEAD_S = 10.0
 # Pictures of a finger that wait to be shown; a recording's thread is at most 64 ahead, the rest is for a slow page.
 _MOST_PICTURES = 128
-# A marker is told for so long, and no more than its beginning: another program may have written it.
+# A marker is shown for so long, and no more than its beginning: another program may have written it.
 _MARKED_NS = 10_000_000_000
 _MARKED_LETTERS = 40
 
@@ -173,7 +173,7 @@ class _Pictures:
 OVER_NS: Final = 10_000_000_000
 # A level is a quarter of the closure.
 _APART_CLOSURE = 0.125
-# Both are told in threads of their own, so what belongs to the same moment comes a little sooner or later.
+# Both are reported in threads of their own, so what belongs to the same moment comes a little sooner or later.
 _SAME_NS = 250_000_000
 _MOST = 4096
 

@@ -28,7 +28,7 @@ N_TURNS = 3
 _UNWATCHED_HZ = 2.0
 _REST_SHARE = 4.0
 _LAST_S = 0.1
-# A painter that failed tries again after this long; the age of what is shown is told this often.
+# A painter that failed tries again after this long; the age of what is shown is updated this often.
 _RETRY_S = 0.5
 _REPORT_AGE_S = 1.0
 

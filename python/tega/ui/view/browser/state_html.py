@@ -27,7 +27,7 @@ NARROW_PX: Final = 1199
 PHONE_EM: Final = 36
 """Up to this width viser shows one sheet for phones, and no panels."""
 
-# Unless the run's state is painted afresh in time, the browser greys it and says for how long nothing was heard.
+# Unless the run's state is painted afresh in time, the browser greys it and says for how long nothing was received.
 # A frozen or killed program, a painter that failed and a run that stands still look the same.
 _AGEING = f"""
 @property --tega-age {{ syntax: "<integer>"; inherits: true; initial-value: 0 }}
@@ -178,7 +178,7 @@ def lights_html(state: ViewState) -> str:
         f'<b style="color:{colour}" role="img" aria-label="{word}">{sign}</b> {name}</span>'
         for name, (colour, sign, word) in ((name, words[well]) for name, well in seen.items())
     )
-    # A new element each time, so that the browser counts anew from when it last heard something.
+    # A new element each time, so that the browser counts anew from when it last received something.
     return (
         f'<div class="tega-lights" data-t="{state.t_ns}" '
         f'style="{FONT};font-size:11px;margin:2px 10px;line-height:1.6">'
