@@ -135,7 +135,7 @@ class Commands:
         gate = self._gates[stream]
         if (command := gate.read(kind, data)) is None:
             return None
-        now_ns = self._clock()  # as late as can be: whoever waited for the lock meanwhile has grown older
+        now_ns = self._clock()  # as late as can be: a command that waited for the lock has grown older
         offset = self._offset(now_ns)
         if gate.refusal(command, now_ns, offset) or offset is None:
             return None
@@ -148,7 +148,7 @@ class Commands:
             return received_ns, False, False
         fresh = self._clock() - received_ns <= self._ttl_ns
         if name == "clutch":
-            # Through a silence it stays as it was: the chain lets go by itself, and wants it pressed anew. A session
+            # Through a silence it stays as it was: the chain lets go by itself, and wants it pressed again. A session
             # that begins with it pressed has nobody who took hold.
             return received_ns, fresh, text.clutch and self._clutch_was_open
         return received_ns, fresh, fresh and (text.dead_man if name == "dead_man" else text.recover)

@@ -206,7 +206,7 @@ class _FilmingProcess:
                 self._before, self._now = self.tally, CameraTally()
                 self._away = f"its process ended with code {code}"
                 self._dark()
-            # A file would begin anew, and what it shows would be of another time.
+            # A file would begin again, and what it shows would be of another time.
             if not is_camera(self.camera.source) or not again.wait(self._leaving.wait):
                 return
             with self._lock:

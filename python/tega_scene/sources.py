@@ -49,7 +49,7 @@ def open_camera(source: str, size: tuple[int, int], rate_hz: float = 30.0) -> An
             (cv2.CAP_PROP_FRAME_WIDTH, size[0]),
             (cv2.CAP_PROP_FRAME_HEIGHT, size[1]),
             (cv2.CAP_PROP_FPS, rate_hz),
-            (cv2.CAP_PROP_AUTOFOCUS, 0),  # a lens that focuses anew is another lens than the one calibrated
+            (cv2.CAP_PROP_AUTOFOCUS, 0),  # a lens that focuses again is another lens than the one calibrated
         ):
             capture.set(setting, value)
         given = (round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)))

@@ -152,7 +152,7 @@ def _options(video: VideoFormat, crf: int, rate_hz: float) -> dict[str, str]:
     both = {"crf": str(crf), "g": every}
     if video == "av1":  # pred-struct 1 is low delay: no picture refers to a later one
         return {"preset": "10", **both, "svtav1-params": f"pred-struct=1:keyint={every}:lp=1"}
-    # This preset alone compares whole pixels: what moves is coded anew in each picture, coarsely. Quarters of a
+    # This preset alone compares whole pixels: what moves is coded again in each picture, coarsely. Quarters of a
     # pixel take more time, and halve the error of distance that coding adds (docs/evidence/scene.md).
     finely = {"preset": "ultrafast", "x264-params": "subme=2"}
     return {**finely, "tune": "zerolatency", **both, "bf": "0", "threads": "1"}

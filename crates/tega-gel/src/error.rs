@@ -57,7 +57,7 @@ impl GelError {
             Self::TooMany { .. } => "pass the strongest contacts only",
             Self::Picture { .. } => "make it with numpy.empty((320, 240, 3), numpy.uint8)",
             Self::Time { .. } => {
-                "a gel with memory sees frames in the order of their times; forget() starts anew"
+                "a gel with memory sees frames in the order of their times; forget() starts again"
             }
         }
     }

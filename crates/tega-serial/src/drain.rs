@@ -6,7 +6,7 @@ use std::os::fd::{AsRawFd, OwnedFd};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 
-/// So much waits for whoever takes it; then all of that is old and thrown away.
+/// So much waits for the reader; then all of that is old and thrown away.
 const MOST_BYTES: usize = 1 << 20;
 
 /// A port and the thread that drains it. Dropping it ends the thread.

@@ -132,7 +132,7 @@ fn live() {
     }
 }
 
-/// Quiet, in contact, released, taken anew: with strides of its own too.
+/// Quiet, in contact, released, taken again: with strides of its own too.
 #[test]
 fn tracker() {
     let baseline = baseline(false);

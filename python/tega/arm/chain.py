@@ -113,7 +113,7 @@ class ArmChain:
     def _observe_poses(self, now_ns: int, poses: Sequence[StampedPose]) -> Trouble:
         """Process poses; return the trouble with them so far."""
         before = self._watch.with_poses(now_ns)
-        if before.level >= Level.LOSE:  # then the next pose may be anywhere, and has to be taken hold of anew
+        if before.level >= Level.LOSE:  # the next pose may be anywhere, and has to be taken hold of
             self._gate.forget()
             self._filter.forget()
             self._watch.forget_jumps()

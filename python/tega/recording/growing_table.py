@@ -26,7 +26,7 @@ _LEAST_DECIMAL, _MOST_DECIMAL = 1e-4, 1e16
 
 
 def _set_aside(path: Path) -> Path:
-    """Give a file another name, to be written anew with further columns."""
+    """Give a file another name, to be written again with further columns."""
     return path.replace(path.with_name(f"{path.name}.part"))
 
 
@@ -66,7 +66,7 @@ class GrowingCsv:
         to.write("\n".join(map(",".join, zip(*texts, strict=False))) + "\n")
 
     def _file_with(self, columns: Iterable[str]) -> IO[str]:
-        """Return the file; where it has not all of these columns, it is begun, or written anew with them."""
+        """Return the file; where it has not all of these columns, it is begun, or written again with them."""
         known = len(self._names)
         self._names |= dict.fromkeys(columns)
         if self._file is not None and len(self._names) == known:
@@ -165,7 +165,7 @@ class GrowingParquet:
         return self._arrow.concat_tables(tables, promote_options="permissive")
 
     def _begin(self, schema: Any) -> None:
-        """Begin the file, or write it anew with further columns or wider types."""
+        """Begin the file, or write it again with further columns or wider types."""
         if self._file is None:
             self._file = self._parquet.ParquetWriter(self.path, schema)
             return

@@ -133,7 +133,7 @@ class McapReader:
         return not self.cut and self.metadata.get("end", {}).get("state") == "complete"
 
     def warn_cut(self) -> None:
-        """Warn where the file could not be read to its end; whoever exports it writes what comes before."""
+        """Warn where the file could not be read to its end; an export has what comes before."""
         if self.cut:
             said = "%s: cannot be read to its end: %s; what comes before is exported, inspect says how far"
             _LOG.warning(said, self.path.name, self.cut)

@@ -44,7 +44,7 @@ TABLES: Final[dict[type[Record], str]] = {
 }
 """File of each record that has a table and no recording device."""
 
-# A second of an arm's turns: whoever looks into a table while the run lasts is not far behind.
+# A second of an arm's turns: a program that reads a table while the run lasts is not far behind.
 _MOST_LINES = 64
 
 OUTPUT_NAMES = (*TABLES.values(), "vest.csv", "can.csv", "summary.json", "calibration.toml", "picture.png")

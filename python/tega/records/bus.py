@@ -122,7 +122,7 @@ class Bus:
             return
         try:
             subscription.function(record)
-        except Exception as error:  # whoever looks on must not end what it looks at
+        except Exception as error:  # an observer must not end what it observes
             text = _words(error)
             with self._lock:
                 subscription.left_out = True

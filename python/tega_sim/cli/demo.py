@@ -151,7 +151,7 @@ def demo(
     if not report.trials:  # stopped before the first one
         raise KeyboardInterrupt
     write_demo(out_dir, report, courses)
-    if stop.requested:  # whoever leaves waits for no picture
+    if stop.requested:  # a user who leaves waits for no picture
         click.echo(f"tables and summary.json are in {out_dir}", err=True)
         raise KeyboardInterrupt
     try:

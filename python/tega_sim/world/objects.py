@@ -19,7 +19,7 @@ from tega.errors import ConfigError, InvalidValueError, TegaError
 from tega.runtime.files.foreign_file import parse_toml, plain_name, read_foreign
 from tega.runtime.removed import Removed, without_removed
 
-_NEW: Final = "plan anew without it; the version that wrote the file reads it"
+_NEW: Final = "plan again without it; the version that wrote the file reads it"
 
 REMOVED_FIELDS: Final[Mapping[str, Removed]] = {
     "shear": Removed("0.3", "simulated gels no longer give way sideways", _NEW, "off"),

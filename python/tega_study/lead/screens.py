@@ -101,7 +101,7 @@ class TrialBefore:
         ended_ns = next((event.t_ns for event in ended if event.status != "skipped"), None)
         if ended_ns is None:
             return None
-        # After a restart of the machine its clock begins anew: nobody knows how long ago the end was.
+        # After a restart of the machine its clock begins again: nobody knows how long ago the end was.
         renewed = any(event.t_ns > now_ns for event in self._journal.events[-1:])
         return now_ns if renewed else min(ended_ns, now_ns)
 

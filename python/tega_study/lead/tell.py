@@ -156,7 +156,7 @@ class CommandFile:
         stale, self._looked_ns = now_ns - self._looked_ns > FRESH_S * 1e9, now_ns
         size = self._size()
         if size <= self._at:
-            self._at = size  # somebody has begun the file anew
+            self._at = size  # somebody has begun the file again
             return []
         try:
             check_file(self._path, most_mib=64)

@@ -101,7 +101,7 @@ class Observing:
         if now.running is None:
             key = trial.trial, attempt
             begin, end = (self._of(self._events, one, *key) for one in ("trial_start", "trial_end"))
-            # Before it, too: the machine's clock begins anew with each start.
+            # Before it, too: the machine's clock begins again with each start.
             if begin and end and not begin.t_ns <= t_ns <= end.t_ns + LATE_NS:
                 return "no trial goes on"
         self._add(kind, t_ns, (trial.trial, attempt))

@@ -29,7 +29,7 @@ from tega_sim.world.objects import REMOVED_FIELDS
 
 SIMULATION, PARAMETERS = "simulation.toml", "parameters.toml"
 PACKAGES: Final = Path(tega.__file__).parents[1]
-_NEW: Final = "simulate anew without it; the version that wrote the study reads it"
+_NEW: Final = "simulate again without it; the version that wrote the study reads it"
 # A study states which rules its people followed, also former ones.
 _REMOVED: Final = {
     **{name: field for name, field in REMOVED_FIELDS.items() if name != "rules"},

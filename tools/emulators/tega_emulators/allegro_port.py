@@ -116,7 +116,7 @@ class SlcanNetworkPort(SlcanPort):
     """
 
     def __init__(self, node: AllegroNode) -> None:
-        """Listen; whoever connects last has the adapter."""
+        """Listen; the client that connected last has the adapter."""
         self._node = node
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._listener.settimeout(0)
@@ -133,7 +133,7 @@ class SlcanNetworkPort(SlcanPort):
         return self._waiting.fileno()
 
     def take(self, t_s: float) -> None:
-        """Obey what has come in, and whoever has come."""
+        """Obey what has come in, from every client."""
         for fd, _ in self._waiting.poll(0):
             if fd == self._listener.fileno():
                 self._hang_up()

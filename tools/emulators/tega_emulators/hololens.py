@@ -1,6 +1,6 @@
 """A HoloLens 2 that runs the hl2ss app: ``python -m tega_emulators.hololens``.
 
-Only its spatial input, written from the fact sheet's table of bytes: whoever connects is sent packets of 1948 bytes,
+Only its spatial input, written from the fact sheet's table of bytes: a client receives packets of 1948 bytes,
 60 a second, without asking. Device time counts 100 ns from when the app started. A hand that is lost keeps its last
 bytes; only its bit is cleared. Nothing it does is a real headset's; its hand trembles by 0.2 mm. It obeys::
 

@@ -3,7 +3,7 @@
 ``python -m tega_emulators.motor_sound`` is one motor by itself; an emulated vest makes the sound of its own
 motors, see :mod:`tega_emulators.vest_process`. Simulated: no real motor was recorded for it.
 
-A motor that is to turn stands still for ``delay_ms`` (the vest's own radio, processor and the motor's stiction), then its
+A motor switched on stands still for ``delay_ms`` (the vest's own radio, processor and the motor's stiction), then its
 speed rises exponentially to what the drive asks for. Its force, and with it the sound, goes with the speed squared; the
 vibration therefore *begins* at ``delay_ms``. Noise, mains hum and knocks are added.
 

@@ -45,7 +45,7 @@ class Motors:
     def set(self, values: list[int]) -> None:
         """Drive them; a change is kept with its time on the machine's monotonic clock."""
         now_s = time.monotonic()
-        # Warms with the square of the drive, within a minute; written down here anew, and not asked of the program.
+        # Warms with the square of the drive, within a minute; written down here again, and not asked of the program.
         share = 1 - math.exp((self._heat_s - now_s) / _WARM_S)
         self._heat_s = now_s
         self._heat = [h + ((v / 100) ** 2 - h) * share for h, v in zip(self._heat, self.now, strict=True)]

@@ -108,7 +108,7 @@ PROGRAM: Final[dict[str, Diagram]] = {
         ),
         gap_x=140,
         gap_y=60,
-        note="nothing goes on by itself after a stop: a person recovers, then takes hold anew",
+        note="nothing goes on by itself after a stop: a person recovers, then takes hold again",
     ),
     "run-states": Diagram(
         "States of a run",

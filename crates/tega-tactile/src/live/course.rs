@@ -38,7 +38,7 @@ const STEADY_PX: f64 = 6.0;
 const STEADY_FAINT: f64 = 2.0;
 /// Nor does a leftover rise: what is over the threshold and over its lowest by this factor is felt again at once.
 const RISES: f64 = 1.15;
-/// After a release the rest is taken anew once this time is over.
+/// After a release the rest is taken again once this time is over.
 const REZERO_S: f64 = 1.0;
 /// A new contact over a leftover is this much stronger than it, plus this share of the peak before.
 const OVER_LEFTOVER: f64 = 1.3;

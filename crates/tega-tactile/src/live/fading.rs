@@ -1,6 +1,6 @@
 //! What a released contact leaves in the gel and how it goes back: never a contact.
 //!
-//! The rest that is taken anew after a release has the leftover in it. As that fades, the picture goes back to the gel as it was before the contact,
+//! The rest that is taken again after a release has the leftover in it. As that fades, the picture goes back to the gel as it was before the contact,
 //! and differs from the rest by an inverted dent. So the change of each cell from the rest towards that former gel, and not beyond it, is
 //! explained for a minute: it is taken out before the picture is judged, and the rest follows it quickly, by how much of the whole dent has gone.
 //! A press where the last one was goes the other way and is seen whole; beside it nothing is explained.
@@ -48,7 +48,7 @@ impl Fading {
         self.left_s = 0.0;
     }
 
-    /// Begins with a rest, `after`, that was taken anew where it was `before`, both in counts. What had not faded of an earlier leftover still may.
+    /// Begins with a rest, `after`, that was taken again where it was `before`, both in counts. What had not faded of an earlier leftover still may.
     pub fn begin(&mut self, cells: &mut Cells, before: &mut Field, after: &Field) {
         if self.lasts() {
             self.shift(cells, before, self.share);

@@ -18,7 +18,7 @@ pub struct TrackerOptions {
     pub light: GelLight,
     /// What the outline means.
     pub outline: Outline,
-    /// Whether the rest is taken anew after a release.
+    /// Whether the rest is taken again after a release.
     pub rezero: bool,
 }
 

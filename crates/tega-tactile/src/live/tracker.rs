@@ -134,7 +134,7 @@ impl TouchTracker {
     /// Reads the next frame.
     ///
     /// `dt_s` is the time since the frame before where it is not one period; `loaded` says that another finger bears a load, so that no
-    /// rest is taken anew.
+    /// rest is taken again.
     ///
     /// # Errors
     /// [`TactileError::Channels`] or [`TactileError::ShapeMismatch`] for the frame, [`TactileError::OutOfRange`] for a time that is not from

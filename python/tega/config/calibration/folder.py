@@ -96,7 +96,7 @@ class CalibrationFolder:
     def __init__(self, path: Path) -> None:
         self.path = path
 
-    # Fingertips, whoever uses them.
+    # Fingertips, for every user.
 
     def gels(self, device: str) -> list[KeptGel]:
         """Return the baselines of a sensor, oldest first; one that cannot be read is left out."""
@@ -116,7 +116,7 @@ class CalibrationFolder:
         write_record(record, path.with_suffix(".toml"))
         return path
 
-    # Vests, whoever wears them.
+    # Vests, for every wearer.
 
     def keep_onset(self, record: OnsetRecord) -> Path:
         """Keep how long a motor takes to start, and return the file."""

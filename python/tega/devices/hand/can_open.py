@@ -143,7 +143,7 @@ def slcan_bus(*, exclusive: bool) -> Any:
         _kept: list[str] | None = None
 
         def set_bitrate(self, *rates_bit_s: Any) -> None:
-            """Lock the port before the first word, which closes the adapter under whoever has it."""
+            """Lock the port before the first word, which closes the adapter under a program that has it."""
             self.serialPortOrig.exclusive = exclusive or None
             super().set_bitrate(*rates_bit_s)
 

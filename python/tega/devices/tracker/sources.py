@@ -28,7 +28,7 @@ _LEAST_NS: Final = 1_000_000
 _LONGEST_S: Final = 0.1
 # At full deflection, m/s and rad/s.
 _SPEEDS: Final = np.array([0.15] * 3 + [0.6] * 3)
-_ROOM_M: Final = 50.0  # half of the gate's; beyond, it goes on at the other end and is held anew
+_ROOM_M: Final = 50.0  # half of the gate's; beyond, it goes on at the other end and is held again
 
 
 class RatePoses:

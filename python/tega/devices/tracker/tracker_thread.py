@@ -16,7 +16,7 @@ from tega.errors import DeviceUnavailableError
 
 RESTART_NS: Final = 350_000_000
 """After a reconnection the same numbers may be another place. So long, together with the pause before, poses are not
-valid, so that the operator sees "lost" and takes hold anew."""
+valid, so that the operator sees "lost" and takes hold again."""
 
 SILENT_S: Final = 0.25
 """A tracker that has said nothing for so long is in trouble."""

@@ -119,7 +119,7 @@ class StreamedVest(Opened):
         self._thread: threading.Thread | None = None
         self._last: threading.Thread | None = None
         self._changed = threading.Condition()
-        self._turn = threading.Lock()  # of whoever uses the link
+        self._turn = threading.Lock()  # of the thread that uses the link
         self._displayed, self._displayed_s = _ZEROS, 0.0
         self._stopping = False
         self._slot = _ZEROS

@@ -138,7 +138,7 @@ class Journal:
         return tuple(self._unfinished.steps)
 
     def begin(self, devices: dict[str, str], *, restart: bool) -> str:
-        """Go on with an interrupted calibration, unless ``restart``, or begin anew.
+        """Go on with an interrupted calibration, unless ``restart``, or begin again.
 
         ``devices`` names each part's device: results of another device are left out. Return a sentence about
         what was done before; ``""`` for a new calibration.

@@ -177,7 +177,7 @@ def _bar(bar: Bar, width: int) -> str:
 def _received() -> str:
     line = sys.stdin.readline()
     if not line:
-        raise KeyboardInterrupt  # whoever answered has gone
+        raise KeyboardInterrupt  # the user who answered has gone
     return line
 
 

@@ -16,7 +16,7 @@ LEAST_GAP_S = 0.2
 # Each of the loop's vest ticks leaves one of these, so that a gap in them is a gap in the recording.
 _TICKS = frozenset({"/vest/frame", "/run/skipped"})
 _ARM = "/arm/target"
-# The limits that an arm has as they come, written down here anew.
+# The limits that an arm has as they come, written down here again.
 _SPEED_M_S = 0.25
 _LOW_M, _HIGH_M = (0.30, -0.40, 0.03), (0.70, 0.40, 0.70)
 # After a longer silence the arm was let go, and a target begins where the arm is.

@@ -15,7 +15,7 @@ impl TouchTracker {
     pub(super) fn touch(&mut self, s: f64, threshold: f64, dt_s: f64) -> Touch {
         let mut touch = Touch { difference: s, threshold, ..Touch::default() };
         self.dent = None;
-        // Where the rest has just been taken anew, S is still that against the old one.
+        // Where the rest has just been taken again, S is still that against the old one.
         if matches!(self.state, State::Released(_)) || self.smooth.is_none() {
             self.filter.clear();
             return touch;

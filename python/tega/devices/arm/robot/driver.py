@@ -100,7 +100,7 @@ class ProcessArm(Opened):
         if self._process is None:
             return ""
         if (code := self._process.poll()) is not None:
-            # It is not started again by itself: a person may stand at the arm, and says when by starting the run anew.
+            # It is not started again by itself: a person may stand at the arm, and says when by starting the run again.
             ended = f"the arm's process has ended ({code})"
             return f"{self.name}: {ended}; no program controls the arm: use its switch if it moves"
         if (away_s := time.monotonic() - self._received_s) > _SILENT_S:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _PERIOD_S = 1 / 30
 # The scene is painted every time, pictures, text and charts by turns: no moment costs much more than another.
 N_TURNS = 3
-# Without anyone at the page it is still kept fresh for whoever opens it.
+# Without anyone at the page it is still kept fresh for the next who opens it.
 _UNWATCHED_HZ = 2.0
 _REST_SHARE = 4.0
 _LAST_S = 0.1

@@ -178,7 +178,7 @@ def lights_html(state: ViewState) -> str:
         f'<b style="color:{colour}" role="img" aria-label="{word}">{sign}</b> {name}</span>'
         for name, (colour, sign, word) in ((name, words[well]) for name, well in seen.items())
     )
-    # A new element each time, so that the browser counts anew from when it last received something.
+    # A new element each time, so that the browser counts again from when it last received something.
     return (
         f'<div class="tega-lights" data-t="{state.t_ns}" '
         f'style="{FONT};font-size:11px;margin:2px 10px;line-height:1.6">'
