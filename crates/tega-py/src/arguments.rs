@@ -1,6 +1,6 @@
 //! Borrow byte images from Python, refused with a message that helps.
 
-use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3};
+use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArray};
 use pyo3::prelude::*;
 
 use crate::errors::{BindError, DtypeError, InvalidValueError, ShapeError};
@@ -12,9 +12,24 @@ pub(crate) fn image<'py>(
 ) -> Result<PyReadonlyArray3<'py, u8>, BindError> {
     match value.cast::<PyArray3<u8>>() {
         Ok(array) => {
+            refuse_mask(name, value)?;
             Ok(array.try_readonly().map_err(|e| InvalidValueError::new_err((format!("{name}: {e}"), "")))?)
         }
         Err(_) => Err(why_not_an_image(name, value)),
+    }
+}
+
+/// What is masked would be read as if it were not.
+fn refuse_mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+    if value.is_exact_instance_of::<PyUntypedArray>() || !value.hasattr("mask")? {
+        return Ok(());
+    }
+    match value.getattr("mask")?.call_method0("sum")?.extract()? {
+        0u64 => Ok(()),
+        n => {
+            let message = format!("{name} has {n} masked values");
+            Err(InvalidValueError::new_err((message, "fill the mask first, with numpy.ma.filled")))
+        }
     }
 }
 

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from tega import _native
 from tega.emg.levels import InputKind
 from tega.errors import ShapeError
+from tega.runtime.leading_axes import as_array
 
 _HOP_S = 0.025
 _STUCK_S = 0.1
@@ -105,7 +106,7 @@ class ChannelVotes:
         """
         if samples.shape[1:] != self._shape:
             raise ShapeError(f"samples have shape {samples.shape}, expected (n, {len(self._names)})")
-        changed, passed = self._core.take(np.ascontiguousarray(samples, np.float64))
+        changed, passed = self._core.take(np.ascontiguousarray(as_array(samples), np.float64))
         if changed:
             faults = zip(self._names, self._core.faults, strict=True)
             self.faults = {name: _words(*fault) for name, fault in faults if fault is not None}

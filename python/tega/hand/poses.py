@@ -27,6 +27,7 @@ from tega.runtime.files.foreign_file import parse_toml, read_words
 from tega.runtime.files.toml_text import tree_item
 from tega.runtime.files.whole_file import write_whole
 from tega.wire import HAND_FINGERS
+from tega.wire.arrays import float_array
 
 POSE_MARGIN_RAD = 0.04
 """Poses keep so far inside the joint limits."""
@@ -78,7 +79,7 @@ def save_poses(file: Path, poses_rad: ArrayLike) -> None:
     The file is replaced in one step, so that a reader never sees half of it. ``InvalidValueError``: an angle
     is not finite or within 0.04 rad of a joint limit.
     """
-    poses = np.asarray(poses_rad, np.float64).round(4)
+    poses = float_array("poses_rad", poses_rad, (5, 16)).round(4)
     HandController(poses_rad=poses)
     text = tomlkit.document()
     text.add(

@@ -28,7 +28,7 @@ from numpy.typing import ArrayLike, NDArray
 from tega import _native
 from tega.errors import DtypeError, InvalidValueError, ShapeError
 from tega.haptics.motor_layout import SHIPPED, Mirror, find_layout, torso_svg
-from tega.runtime.leading_axes import as_array, each_number
+from tega.runtime.leading_axes import as_array, each_number, whole_array
 
 Layout: TypeAlias = str
 """Name of a layout: one of :data:`LAYOUTS`, or of an installed package's (:mod:`tega.haptics.motor_layout`)."""
@@ -116,7 +116,7 @@ class MotorLevels:
     Raises:
         DtypeError: ``intensities`` is not a uint8 array.
         ShapeError: Its size is not the layout's.
-        InvalidValueError: The layout is not known, or an intensity is above 100.
+        InvalidValueError: The layout is not known, or an intensity is masked or above 100.
     """
 
     layout: Layout
@@ -127,6 +127,7 @@ class MotorLevels:
         if getattr(self.intensities, "dtype", None) != np.uint8:
             kind = getattr(self.intensities, "dtype", f"a {type(self.intensities).__name__}")
             raise DtypeError(f"intensities is {kind}, not an array of uint8")
+        whole_array("intensities", self.intensities)
         if self.intensities.ndim != 1:
             raise ShapeError(f"intensities has shape {self.intensities.shape}, not one dimension")
         n, wanted = len(self.intensities), len(find_layout(self.layout).motors)

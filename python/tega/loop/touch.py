@@ -19,6 +19,7 @@ from tega.errors import InvalidValueError
 from tega.haptics import FINGERS, FeltMap, Layout, Mirror, MotorLevels
 from tega.haptics.motor_layout import find_layout
 from tega.records import Contact, Event, HandLook
+from tega.runtime.leading_axes import as_array
 from tega.stages.base import Mapping, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.events import DetectedEvent, Detector, TouchFrame
@@ -134,7 +135,7 @@ class TouchLoop:
 
     def _made(self, levels: ArrayLike) -> MotorLevels:
         """Return the vest frame of a mapping's output, which is checked: any mapping may be installed."""
-        numbers = np.asarray(levels, np.float64)
+        numbers = np.asarray(as_array(levels), np.float64)
         hint = "it has to return a number of percent for every motor of the layout"
         if numbers.shape != (self._n_motors,):
             raise InvalidValueError(

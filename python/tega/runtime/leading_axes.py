@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tega.errors import DtypeError
+from tega.errors import DtypeError, InvalidValueError, ShapeError
 
 
 def as_array(values: ArrayLike) -> NDArray[Any]:
@@ -16,6 +16,20 @@ def as_array(values: ArrayLike) -> NDArray[Any]:
     if isinstance(values, np.ma.MaskedArray):
         return np.ma.filled(values.astype(np.float64), np.nan)
     return np.asarray(values)
+
+
+def whole_array(name: str, values: ArrayLike) -> NDArray[Any]:
+    """Return an array in which nothing may be missing; ``name`` is for errors.
+
+    Raises ``InvalidValueError`` if a value is masked, ``ShapeError`` for rows of several lengths.
+    """
+    if np.ma.is_masked(values):
+        hint = "fill the mask first, with numpy.ma.filled"
+        raise InvalidValueError(f"{name} has {np.ma.count_masked(values)} masked values", hint)
+    try:
+        return np.asarray(values)
+    except ValueError as error:
+        raise ShapeError(f"{name} is not an array of one shape: {error}") from error
 
 
 def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) -> NDArray[Any]:
@@ -31,6 +45,7 @@ def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) ->
 
 def each_item(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int) -> NDArray[Any]:
     """Return a function of items of ``item_axes`` axes, such as pictures, along the leading axes of arrays."""
+    arrays = tuple(whole_array("an array", array) for array in arrays)
     shape = np.broadcast_shapes(*(array.shape[: array.ndim - item_axes] for array in arrays))
     several = [np.broadcast_to(array, shape + array.shape[array.ndim - item_axes :]) for array in arrays]
     if not shape:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tega.errors import DtypeError, ShapeError, WireError
+from tega.runtime.leading_axes import whole_array
 
 
 def float_array(
@@ -16,15 +17,12 @@ def float_array(
     """Return real numbers as contiguous float64; what already is that is not copied.
 
     ``name`` is for errors. ``shape`` is the one required, ``None`` for any; with ``scalar`` one number may
-    stand for all. Raises ``DtypeError`` or ``ShapeError``.
+    stand for all. Raises ``DtypeError``, ``ShapeError``, or ``InvalidValueError`` for masked values.
     """
     if type(values) is np.ndarray and values.dtype == np.float64 and values.flags.c_contiguous:
         _check_shape(name, values, shape)
         return values  # as in every tick of a hand
-    try:
-        array = np.asarray(values)
-    except ValueError as error:
-        raise ShapeError(f"{name} is not an array of one shape: {error}") from error
+    array = whole_array(name, values)
     if array.dtype.kind not in "fiu":
         raise DtypeError(f"{name} has dtype {array.dtype}", "real numbers are needed")
     if scalar and shape is not None and array.ndim == 0:
@@ -46,7 +44,7 @@ def integer_array(
     the largest value allowed, else ``WireError``. ``shapes`` are those allowed; none for any. ``name`` is for
     errors.
     """
-    array = np.asarray(values)
+    array = whole_array(name, values)
     if array.dtype.kind not in "iu":
         raise DtypeError(
             f"{name} has dtype {array.dtype}", "integers are needed: round first, e.g. with np.rint"

@@ -21,7 +21,7 @@ from tega.wire.arrays import as_bytes, integer_array
 
 
 def _forty(intensities: ArrayLike) -> NDArray[np.uint8]:
-    if isinstance(intensities, np.ndarray) and intensities.dtype == np.uint8 and intensities.shape == (40,):
+    if type(intensities) is np.ndarray and intensities.dtype == np.uint8 and intensities.shape == (40,):
         return intensities  # the loop's case: the native side checks the range
     return integer_array("intensities", intensities, np.uint8, (0, 100), ((40,),))
 

@@ -198,6 +198,7 @@ REFUSED: list[tuple[Any, dict[str, Any], str, tuple[Any, ...], type[Exception], 
     (vest_frame, FACES, "mirror", ("x41",), InvalidValueError, "mirror = 'x41'"),
     (MotorLevels, ON_32, "intensities", ([0] * 32,), DtypeError, "a list"),
     (MotorLevels, ON_32, "intensities", (np.zeros(32, np.int64),), DtypeError, "int64"),
+    (MotorLevels, ON_32, "intensities", (np.ma.masked_equal(NONE, 0),), InvalidValueError, "32 masked"),
     (MotorLevels, ON_32, "intensities", (NONE[:16],), ShapeError, "16 motors, layout paper32 has 32"),
     (MotorLevels, ON_32, "intensities", (NONE.reshape(2, 16),), ShapeError, "one dimension"),
     (

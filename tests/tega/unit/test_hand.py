@@ -134,6 +134,7 @@ def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
         (OPEN[:15], {"out": np.ones(16)}, ShapeError, r"angles_rad has shape \(15,\), \(16,\) is needed"),
         ("open", {}, DtypeError, "angles_rad has dtype <U4"),
         ([[1.0], [2.0, 3.0]], {}, ShapeError, "angles_rad"),
+        (np.ma.masked_less(OPEN, 9), {}, InvalidValueError, "angles_rad has 16 masked values"),
         (OPEN, {"out": np.zeros(16, np.float32)}, DtypeError, "out is float32"),
         (OPEN, {"out": np.zeros(17)}, ShapeError, "out has shape"),
         (OPEN, {"out": OPEN}, InvalidValueError, "read-only"),

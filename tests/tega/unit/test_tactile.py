@@ -67,7 +67,7 @@ def test_many_frames_of_different_sizes_and_none() -> None:
     ("frame", "error", "words"),
     [
         (FLAT.astype(np.float64), DtypeError, ["frame", "float64", "uint8", "scaled to 0..255"]),
-        (np.full(FLAT.shape, np.nan), DtypeError, ["frame", "float64"]),
+        (np.ma.masked_equal(FLAT, FLAT[0, 0, 0]), InvalidValueError, ["frame has", "masked values; fill"]),
         (FLAT.astype(np.int16), DtypeError, ["frame", "int16"]),
         (FLAT[..., 0], ShapeError, ["frame", "(8, 10)", "(height, width, 3)"]),
         (FLAT[..., :2], ShapeError, ["frame", "2 channels", "3"]),
@@ -229,6 +229,8 @@ def test_masks_and_maps_of_several_pictures(reading: Preset) -> None:
     frames = np.stack([[dented(20.0 * k, noise=k + 3 * f, seed=f) for k in range(3)] for f in range(2)])
     rests = np.stack([still(f) for f in range(2)])[:, None]
     for function in (contact_mask, pressure_map):
+        with pytest.raises(InvalidValueError, match="masked"):
+            function(np.ma.masked_greater(frames, 90), rests, reading)
         found = function(frames, rests, reading)
         assert found.shape[:2] == (2, 3)
         assert found[0, 2].any()

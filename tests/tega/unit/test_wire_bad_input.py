@@ -84,6 +84,7 @@ BAD: dict[type[TegaError], list[tuple[Call, str]]] = {
         (lambda: wire.CytonDecoder().feed(7), "data is int"),  # type: ignore[arg-type]
     ],
     InvalidValueError: [
+        (lambda: wire.x40_ble_frame(np.ma.masked_equal(FORTY, 0)), "intensities has 40 masked values"),
         (lambda: wire.allegro_torque_frames([0.0] * 16, version=3), "version = 3"),  # type: ignore[arg-type]
         (lambda: wire.allegro_request_position("little"), "finger = 'little'"),  # type: ignore[arg-type]
         (lambda: wire.sdk3_auth_message("", "key"), "may not be empty"),
