@@ -1,7 +1,9 @@
-//! Borrow byte images from Python, refused with a message that helps.
+//! Take what Python gives, byte images and whole numbers, refused with a message that helps.
 
 use numpy::{PyArray3, PyArrayMethods, PyReadonlyArray3, PyUntypedArray};
+use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
+use tega_error::OutOfRange;
 
 use crate::errors::{BindError, DtypeError, InvalidValueError, ShapeError};
 
@@ -30,6 +32,55 @@ fn refuse_mask(name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
             let message = format!("{name} has {n} masked values");
             Err(InvalidValueError::new_err((message, "fill the mask first, with numpy.ma.filled")))
         }
+    }
+}
+
+/// A whole number of any size. One that fits no machine word is refused by its name, where `PyO3` raises `OverflowError`.
+#[derive(Clone, Copy)]
+pub(crate) enum Whole {
+    Signed(i64),
+    Unsigned(u64),
+    Beyond(f64),
+}
+
+impl FromPyObject<'_, '_> for Whole {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        match given.extract() {
+            Ok(number) => Ok(Self::Signed(number)),
+            Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => {
+                let end = if given.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY };
+                let beyond = |_| Self::Beyond(given.extract().unwrap_or(end));
+                Ok(given.extract().map_or_else(beyond, Self::Unsigned))
+            }
+            Err(error) => Err(error),
+        }
+    }
+}
+
+impl Whole {
+    /// The number as one of Rust's, or the error that names it.
+    pub(crate) fn to<T: TryFrom<i64> + TryFrom<u64>>(
+        self,
+        name: &'static str,
+        wanted: &'static str,
+    ) -> Result<T, OutOfRange> {
+        let fits = match self {
+            Self::Signed(number) => T::try_from(number).ok(),
+            Self::Unsigned(number) => T::try_from(number).ok(),
+            Self::Beyond(_) => None,
+        };
+        fits.ok_or_else(|| self.out_of_range(name, wanted))
+    }
+
+    pub(crate) fn out_of_range(self, name: &'static str, wanted: &'static str) -> OutOfRange {
+        let value = match self {
+            Self::Signed(number) => number as f64,
+            Self::Unsigned(number) => number as f64,
+            Self::Beyond(near) => near,
+        };
+        OutOfRange::new(name, value, "", wanted)
     }
 }
 

@@ -10,6 +10,7 @@ use pyo3::types::PyTuple;
 use tega_emg::{Blocks, ChannelFault, EmgError, Fusion, Intervals, Kind, Preset, Rules, VoteRules};
 use tega_error::OutOfRange;
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, ShapeError};
 use crate::shared::{KEEP_UP_TO, Shared, released};
 
@@ -20,7 +21,7 @@ pub(crate) struct ButterworthLowpass(Shared<tega_emg::ButterworthLowpass>);
 impl ButterworthLowpass {
     #[new]
     #[pyo3(signature = (rate_hz, cutoff_hz, order, channels))]
-    fn new(rate_hz: f64, cutoff_hz: f64, order: i64, channels: i64) -> Result<Self, BindError> {
+    fn new(rate_hz: f64, cutoff_hz: f64, order: Whole, channels: Whole) -> Result<Self, BindError> {
         let (order, channels) = (count("order", order)?, count("channels", channels)?);
         Ok(Self(Shared::new(tega_emg::ButterworthLowpass::new(rate_hz, cutoff_hz, order, channels)?)))
     }
@@ -63,8 +64,9 @@ pub(crate) struct BlockMean {
 impl BlockMean {
     #[new]
     #[pyo3(signature = (tau, channels))]
-    fn new(tau: i64, channels: Option<i64>) -> Result<Self, BindError> {
-        let (tau, wanted) = (count("tau", tau)?, count("channels", channels.unwrap_or(1))?);
+    fn new(tau: Whole, channels: Option<Whole>) -> Result<Self, BindError> {
+        let wanted = channels.map_or(Ok(1), |channels| count("channels", channels))?;
+        let tau = count("tau", tau)?;
         let core = tega_emg::BlockMean::new(tau, wanted)?;
         Ok(Self { tau, core: Shared::new(channels.is_some().then_some(core)) })
     }
@@ -116,12 +118,12 @@ impl GraspIntent {
     fn new(
         rate_hz: f64,
         maxima: PyReadonlyArray1<'_, f64>,
-        tau: i64,
+        tau: Whole,
         kind: &str,
         preset: &str,
         cutoff_hz: f64,
-        order: i64,
-        intervals: i64,
+        order: Whole,
+        intervals: Whole,
         fusion: &str,
         weights: Vec<f64>,
     ) -> Result<Self, BindError> {
@@ -199,15 +201,15 @@ impl ChannelVotes {
     #[allow(clippy::too_many_arguments, reason = "one argument a rule")]
     fn new(
         rate_hz: f64,
-        hop: i64,
-        stuck: i64,
+        hop: Whole,
+        stuck: Whole,
         stuck_from: Vec<f64>,
-        still: i64,
-        mains: i64,
+        still: Whole,
+        mains: Whole,
         mains_share: f64,
         mains_rms: Vec<f64>,
         lines_hz: Vec<f64>,
-        back: i64,
+        back: Whole,
     ) -> Result<Self, BindError> {
         let (hop, stuck, still) = (count("hop", hop)?, count("stuck", stuck)?, count("still", still)?);
         let (mains, back) = (count("mains", mains)?, count("back", back)?);
@@ -262,10 +264,10 @@ pub(crate) fn grasp_level(value: f64, maximum: f64) -> Result<u8, BindError> {
 
 #[pyfunction]
 #[pyo3(signature = (levels))]
-pub(crate) fn fuse_levels(levels: Vec<i64>) -> Result<u8, BindError> {
+pub(crate) fn fuse_levels(levels: Vec<Whole>) -> Result<u8, BindError> {
     // What does not fit a byte is no level either, and is named by the value given.
-    let narrow = |level: i64| u8::try_from(level).map_err(|_| out_of_range("level", level, "1 to 5"));
-    let levels = levels.into_iter().map(narrow).collect::<Result<Vec<_>, _>>()?;
+    let levels = levels.into_iter().map(|level| level.to("level", "1 to 5"));
+    let levels: Vec<u8> = levels.collect::<Result<_, _>>()?;
     Ok(tega_emg::fuse_levels(&levels)?)
 }
 
@@ -275,7 +277,7 @@ pub(crate) fn channel_maxima<'py>(
     py: Python<'py>,
     samples: PyReadonlyArray2<'py, f64>,
     rate_hz: f64,
-    tau: i64,
+    tau: Whole,
     kind: &str,
     percentile: f64,
 ) -> Result<Bound<'py, PyArray1<f64>>, BindError> {
@@ -311,10 +313,6 @@ fn widened(levels: &[u8]) -> Vec<i64> {
     levels.iter().map(|l| i64::from(*l)).collect()
 }
 
-fn count(name: &'static str, value: i64) -> Result<usize, EmgError> {
-    usize::try_from(value).map_err(|_| out_of_range(name, value, "a whole number greater than 0"))
-}
-
-fn out_of_range(name: &'static str, value: i64, wanted: &'static str) -> EmgError {
-    OutOfRange::new(name, value as f64, "", wanted).into()
+fn count(name: &'static str, value: Whole) -> Result<usize, OutOfRange> {
+    value.to(name, "1 or more, in 64 bits")
 }

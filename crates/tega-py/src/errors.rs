@@ -6,7 +6,7 @@
 use pyo3::import_exception;
 use pyo3::prelude::*;
 use tega_emg::EmgError;
-use tega_error::UnknownChoice;
+use tega_error::{OutOfRange, UnknownChoice};
 use tega_gel::GelError;
 use tega_hand::HandError;
 use tega_haptics::HapticsError;
@@ -31,6 +31,12 @@ impl From<BindError> for PyErr {
 impl From<PyErr> for BindError {
     fn from(e: PyErr) -> Self {
         Self(e)
+    }
+}
+
+impl From<OutOfRange> for BindError {
+    fn from(e: OutOfRange) -> Self {
+        Self(InvalidValueError::new_err((e.to_string(), "")))
     }
 }
 

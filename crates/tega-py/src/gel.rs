@@ -6,11 +6,15 @@ use pyo3::prelude::*;
 use tega_error::choice;
 use tega_gel::{CELLS, Form, HEIGHT, Indenter, PICTURE, Pad, SUM_CELLS, Setup, Shape, WIDTH};
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 use crate::shared::{Shared, released};
 
 type Picture<'py> = Bound<'py, PyArray3<u8>>;
 type Pressing<'py> = (String, [f64; 3], PyReadonlyArray2<'py, f64>, f64);
+/// Range of seeds and of numbers of pictures.
+const WORD: &str = "0 to 18446744073709551615";
+
 type Found = (bool, usize, f64, f64, (f64, f64));
 
 #[pyclass(module = "tega._native", frozen)]
@@ -20,7 +24,8 @@ pub(crate) struct Gel(Shared<tega_gel::Gel>);
 impl Gel {
     #[new]
     #[pyo3(signature = (seed, /, *, spread, shape, memory))]
-    fn new(py: Python<'_>, seed: u64, spread: f64, shape: &str, memory: bool) -> Result<Self, BindError> {
+    fn new(py: Python<'_>, seed: Whole, spread: f64, shape: &str, memory: bool) -> Result<Self, BindError> {
+        let seed = seed.to("seed", WORD)?;
         let form = choice("shape", shape, &[("digit", Form::Digit), ("flat", Form::Flat)])?;
         Ok(Self(Shared::new(released(py, true, || {
             tega_gel::Gel::new(Setup { seed, spread, form, memory })
@@ -60,11 +65,11 @@ impl Gel {
         &self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
-        index: u64,
+        index: Whole,
         t_s: f64,
         out: Picture<'py>,
     ) -> Result<(), BindError> {
-        let indenters = collect(indenters)?;
+        let (indenters, index) = (collect(indenters)?, index.to("index", WORD)?);
         let mut lent = out
             .try_readwrite()
             .map_err(|e| InvalidValueError::new_err((format!("out cannot be written: {e}"), "")))?;
@@ -89,10 +94,10 @@ impl Gel {
         &self,
         py: Python<'py>,
         indenters: Vec<Pressing<'py>>,
-        index: u64,
+        index: Whole,
         t_s: f64,
     ) -> Result<Bound<'py, PyArray2<i16>>, BindError> {
-        let indenters = collect(indenters)?;
+        let (indenters, index) = (collect(indenters)?, index.to("index", WORD)?);
         let mut sums = [[0; SUM_CELLS[0] * SUM_CELLS[1]]; 3];
         self.0.with(|gel| {
             gel.press(&indenters, t_s)?;
@@ -103,8 +108,8 @@ impl Gel {
     }
 
     #[pyo3(signature = (index, /))]
-    fn still<'py>(&self, py: Python<'py>, index: u64) -> Result<Picture<'py>, BindError> {
-        let mut still = vec![0; PICTURE];
+    fn still<'py>(&self, py: Python<'py>, index: Whole) -> Result<Picture<'py>, BindError> {
+        let (index, mut still) = (index.to("index", WORD)?, vec![0; PICTURE]);
         released(py, true, || self.0.with(|gel| gel.still(index, &mut still)))?;
         Ok(still.into_pyarray(py).reshape([HEIGHT, WIDTH, 3])?)
     }

@@ -7,6 +7,7 @@ use pyo3::types::PyBytes;
 use tega_hand::{Asked, Gains, HandError, Joints, LEVELS, PoseSet};
 use tega_wire::allegro::{self, Scale};
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, InvalidValueError};
 use crate::shared::{Shared, released};
 use crate::wire::allegro::device;
@@ -71,7 +72,7 @@ impl HandController {
         angles_rad: PyReadonlyArray1<'py, f64>,
         level: f64,
         added: f64,
-        device_id: i64,
+        device_id: Whole,
     ) -> Result<Vec<(u16, Bound<'py, PyBytes>, bool)>, BindError> {
         let mut shown: Joints = numbers("angles_rad", angles_rad)?;
         for angle in &mut shown {
@@ -161,8 +162,10 @@ pub(crate) fn step_modelled<'py>(
 /// A clock with nothing to do beside it, for others to be compared with.
 #[pyfunction]
 #[pyo3(signature = (period_ns, n_ticks, /))]
-pub(crate) fn bare_clock(py: Python<'_>, period_ns: u64, n_ticks: u32) -> Vec<u64> {
-    released(py, true, || tega_hand::bare_clock(period_ns, n_ticks))
+pub(crate) fn bare_clock(py: Python<'_>, period_ns: Whole, n_ticks: Whole) -> Result<Vec<u64>, BindError> {
+    let (period_ns, n_ticks) =
+        (period_ns.to("period_ns", "0 or more")?, n_ticks.to("n_ticks", "0 to 4294967295")?);
+    Ok(released(py, true, || tega_hand::bare_clock(period_ns, n_ticks)))
 }
 
 /// Exactly `N` numbers of an array of any stride; its borrow ends here, so that `out` may be the same array.

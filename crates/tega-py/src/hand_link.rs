@@ -6,16 +6,21 @@ use pyo3::prelude::*;
 use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::{PyBytes, PyDict};
 use tega_hand::{Asked, LinkSettings, Phase};
-use tega_wire::allegro::{CanFrame, DeviceId, Received};
+use tega_wire::allegro::{CanFrame, Received};
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, InvalidValueError};
 use crate::hand::HandController;
 use crate::shared::Shared;
+use crate::wire::allegro::device;
+
+/// Range of a clock's time.
+const TIME: &str = "nanoseconds of 64 bits";
 
 type Sent<'py> = Vec<(u16, Bound<'py, PyBytes>, bool)>;
 
 /// Identifier, data, remote, extended, error frame.
-type Given = (u32, PyBackedBytes, bool, bool, bool);
+type Given = (Whole, PyBackedBytes, bool, bool, bool);
 
 /// The hand's own thread exchanges while others look on.
 #[pyclass(module = "tega._native", frozen)]
@@ -27,13 +32,14 @@ impl HandLink {
     #[pyo3(signature = (controller, /, *, device_id, left, torque, silent_after_ns, lowest_rate_hz, reconnects))]
     fn new(
         controller: PyRef<'_, HandController>,
-        device_id: u8,
+        device_id: Whole,
         left: bool,
         torque: bool,
-        silent_after_ns: i64,
+        silent_after_ns: Whole,
         lowest_rate_hz: f64,
-        reconnects: u32,
+        reconnects: Whole,
     ) -> Result<Self, BindError> {
+        let silent_after_ns = silent_after_ns.to("silent_after_ns", "above 0 ns")?;
         if silent_after_ns <= 0 || !(lowest_rate_hz.is_finite() && lowest_rate_hz >= 0.0) {
             let text = format!(
                 "silent_after_ns = {silent_after_ns} ns, lowest_rate_hz = {lowest_rate_hz} Hz: the first is \
@@ -41,7 +47,7 @@ impl HandLink {
             );
             return Err(InvalidValueError::new_err((text, "")).into());
         }
-        let device = DeviceId::new(device_id)?;
+        let (device, reconnects) = (device(device_id)?, reconnects.to("reconnects", "0 to 4294967295")?);
         let settings = LinkSettings { device, left, torque, silent_after_ns, lowest_rate_hz, reconnects };
         let controller = controller.0.with(|core| core.clone());
         Ok(Self(Shared::new(tega_hand::HandLink::new(settings, controller))))
@@ -52,26 +58,30 @@ impl HandLink {
         &self,
         py: Python<'py>,
         frames: Vec<Given>,
-        t_ns: i64,
+        t_ns: Whole,
         level: f64,
         added: f64,
     ) -> Result<Sent<'py>, BindError> {
         let frames: Vec<Received<'_>> = frames
             .iter()
             .map(|(id, data, remote, extended, error)| Received {
-                id: *id,
+                // An identifier too large for a CAN frame is not ours either.
+                id: id.to("id", "").unwrap_or(u32::MAX),
                 data: data.as_ref(),
                 remote: *remote,
                 extended: *extended,
                 error: *error,
             })
             .collect();
+        let t_ns = t_ns.to("t_ns", TIME)?;
         Ok(sent(py, &self.0.with(|link| link.exchange(&frames, t_ns, Asked { level, added }))?))
     }
 
     #[pyo3(signature = (t_ns, /))]
-    fn release(&self, t_ns: i64) {
+    fn release(&self, t_ns: Whole) -> Result<(), BindError> {
+        let t_ns = t_ns.to("t_ns", TIME)?;
         self.0.with(|link| link.release(t_ns));
+        Ok(())
     }
 
     fn abandon<'py>(&self, py: Python<'py>) -> Sent<'py> {
@@ -136,8 +146,9 @@ impl HandLink {
     }
 
     #[pyo3(signature = (t_ns, /))]
-    fn heat_share(&self, t_ns: i64) -> f64 {
-        self.0.with(|link| link.heat_share(t_ns))
+    fn heat_share(&self, t_ns: Whole) -> Result<f64, BindError> {
+        let t_ns = t_ns.to("t_ns", TIME)?;
+        Ok(self.0.with(|link| link.heat_share(t_ns)))
     }
 
     #[getter]

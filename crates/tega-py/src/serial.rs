@@ -6,6 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use tega_serial::Drain;
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, InvalidValueError};
 use crate::shared::{Shared, released};
 
@@ -16,7 +17,8 @@ pub(crate) struct SerialDrain(Shared<Option<Drain>>);
 impl SerialDrain {
     #[new]
     #[pyo3(signature = (fd, /))]
-    fn new(fd: i32) -> Result<Self, BindError> {
+    fn new(fd: Whole) -> Result<Self, BindError> {
+        let fd = fd.to("fd", "the descriptor of an open port")?;
         if fd < 0 {
             let hint = "pass the descriptor of an open port";
             return Err(InvalidValueError::new_err((format!("fd = {fd} is no descriptor"), hint)).into());

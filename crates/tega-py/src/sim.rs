@@ -3,6 +3,7 @@
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 
+use crate::arguments::Whole;
 use crate::errors::{BindError, InvalidValueError, ShapeError};
 
 /// Writes torques, each cut to its limit, and returns whether all are finite; where one is not, nothing is written.
@@ -39,9 +40,10 @@ pub(crate) fn mix_muscles<'py>(
     sensor: PyReadonlyArray2<'py, f64>,
     sources: [PyReadonlyArray2<'py, f64>; 3],
     scales: [f64; 3],
-    first: usize,
-    end: usize,
+    first: Whole,
+    end: Whole,
 ) -> Result<Bound<'py, PyArray2<f64>>, BindError> {
+    let (first, end): (usize, usize) = (first.to("first", "0 or more")?, end.to("end", "0 or more")?);
     let channels = sensor.as_array().ncols();
     let (from, to) = (first.saturating_mul(channels), end.saturating_mul(channels));
     let part = |of: &PyReadonlyArray2<'py, f64>| {

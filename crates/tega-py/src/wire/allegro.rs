@@ -6,35 +6,34 @@
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
-use tega_error::OutOfRange;
 use tega_wire::WireError;
 use tega_wire::allegro::{
     self, CanFrame, Command, DeviceId, Finger, Info, Message, Received, Report, Request,
 };
 
 use super::narrow;
+use crate::arguments::Whole;
 use crate::errors::BindError;
 
-pub(crate) fn device(number: i64) -> Result<DeviceId, WireError> {
+pub(crate) fn device(number: Whole) -> Result<DeviceId, WireError> {
     DeviceId::new(narrow("device_id", number, "0 to 3")?)
 }
 
-fn finger(number: i64) -> Result<Finger, WireError> {
+fn finger(number: Whole) -> Result<Finger, WireError> {
     let index: usize = narrow("finger", number, "0 to 3")?;
-    let wrong = || OutOfRange::new("finger", number as f64, "", "0 to 3").into();
-    Finger::ALL.get(index).copied().ok_or_else(wrong)
+    Finger::ALL.get(index).copied().ok_or_else(|| number.out_of_range("finger", "0 to 3").into())
 }
 
-fn scale(version: i64) -> Result<allegro::Scale, WireError> {
-    match version {
-        4 => Ok(allegro::Scale::V4),
-        5 => Ok(allegro::Scale::V5),
-        _ => Err(WireError::Setting(OutOfRange::new("version", version as f64, "", "4 or 5"))),
+fn scale(version: Whole) -> Result<allegro::Scale, WireError> {
+    match version.to::<u8>("version", "4 or 5") {
+        Ok(4) => Ok(allegro::Scale::V4),
+        Ok(5) => Ok(allegro::Scale::V5),
+        _ => Err(WireError::Setting(version.out_of_range("version", "4 or 5"))),
     }
 }
 
-fn exactly<T: TryFrom<i64>, const N: usize>(
-    values: &[i64],
+fn exactly<T: TryFrom<i64> + TryFrom<u64>, const N: usize>(
+    values: &[Whole],
     wanted: &'static str,
 ) -> Result<[T; N], WireError> {
     let got = values.len();
@@ -56,8 +55,8 @@ fn sent<'py>(py: Python<'py>, frame: &CanFrame) -> (u16, Bound<'py, PyBytes>, bo
 pub(crate) fn allegro_torque_frames<'py>(
     py: Python<'py>,
     torques: PyReadonlyArray1<'py, f64>,
-    device_id: i64,
-    version: i64,
+    device_id: Whole,
+    version: Whole,
 ) -> Result<Vec<(u16, Bound<'py, PyBytes>)>, BindError> {
     let torques = torques.as_array();
     let wrong = WireError::Length { name: "torques", got: torques.len(), wanted: "16" };
@@ -71,7 +70,7 @@ pub(crate) fn allegro_torque_frames<'py>(
 pub(crate) fn allegro_angles_rad<'py>(
     py: Python<'py>,
     counts: PyReadonlyArray1<'py, i16>,
-    version: i64,
+    version: Whole,
 ) -> Result<Bound<'py, PyArray1<f64>>, BindError> {
     let scale = scale(version)?;
     let angles = counts.as_array().iter().map(|&counts| allegro::angle_rad(counts, scale)).collect();
@@ -83,7 +82,7 @@ pub(crate) fn allegro_angles_rad<'py>(
 pub(crate) fn allegro_angle_counts<'py>(
     py: Python<'py>,
     angles_rad: PyReadonlyArray1<'py, f64>,
-    version: i64,
+    version: Whole,
 ) -> Result<Bound<'py, PyArray1<i16>>, BindError> {
     let scale = scale(version)?;
     let angles_rad = angles_rad.as_array();
@@ -125,16 +124,16 @@ fn flat(message: &Message) -> (&'static str, u8, Vec<i64>) {
 #[pyfunction]
 #[pyo3(signature = (can_id, data, /, *, device_id, remote, extended, error))]
 pub(crate) fn allegro_decode(
-    can_id: i64,
+    can_id: Whole,
     data: &[u8],
-    device_id: i64,
+    device_id: Whole,
     remote: bool,
     extended: bool,
     error: bool,
 ) -> Result<(&'static str, u8, Vec<i64>), BindError> {
     use allegro::Rejection::{ErrorFrame, Extended, ForeignDevice, Malformed, Remote, Unknown};
     // An identifier too large for a CAN frame is not ours either.
-    let id = u32::try_from(can_id).unwrap_or(u32::MAX);
+    let id = can_id.to("can_id", "").unwrap_or(u32::MAX);
     Ok(match allegro::decode(&Received { id, data, remote, extended, error }, device(device_id)?) {
         Ok(message) => flat(&message),
         Err(ErrorFrame) => ("error", 0, vec![]),
@@ -149,10 +148,10 @@ pub(crate) fn allegro_decode(
 #[pyfunction]
 #[pyo3(signature = (can_id, /, *, device_id))]
 pub(crate) fn allegro_requested(
-    can_id: i64,
-    device_id: i64,
+    can_id: Whole,
+    device_id: Whole,
 ) -> Result<Option<(&'static str, Option<u8>)>, BindError> {
-    let request = allegro::requested(u32::try_from(can_id).unwrap_or(u32::MAX), device(device_id)?);
+    let request = allegro::requested(can_id.to("can_id", "").unwrap_or(u32::MAX), device(device_id)?);
     Ok(request.map(|request| match request {
         Request::Info => ("info", None),
         Request::Serial => ("serial", None),
@@ -167,9 +166,9 @@ pub(crate) fn allegro_requested(
 pub(crate) fn allegro_encode<'py>(
     py: Python<'py>,
     kind: &str,
-    finger: i64,
-    values: Vec<i64>,
-    device_id: i64,
+    finger: Whole,
+    values: Vec<Whole>,
+    device_id: Whole,
 ) -> Result<(u16, Bound<'py, PyBytes>, bool), BindError> {
     let (device, finger, counts) = (device(device_id)?, self::finger(finger)?, "-32768 to 32767 counts");
     let (bytes, ms) = ("0 to 255", "0 to 65535 ms");

@@ -6,6 +6,7 @@ use pyo3::types::PyBytes;
 use tega_wire::{ascii, chords, cyton, spiker};
 
 use super::setting;
+use crate::arguments::Whole;
 use crate::errors::BindError;
 use crate::shared::{KEEP_UP_TO, Shared, released};
 
@@ -36,7 +37,7 @@ pub(crate) struct CytonStream(Shared<cyton::Decoder>);
 impl CytonStream {
     #[new]
     #[pyo3(signature = (*, gain))]
-    fn new(gain: i64) -> Result<Self, BindError> {
+    fn new(gain: Whole) -> Result<Self, BindError> {
         let gain = setting("gain", gain, "1, 2, 4, 6, 8, 12 or 24")?;
         Ok(Self(Shared::new(cyton::Decoder::new(gain)?)))
     }
@@ -85,7 +86,7 @@ pub(crate) struct ChordsStream {
 impl ChordsStream {
     #[new]
     #[pyo3(signature = (*, channels))]
-    fn new(channels: i64) -> Result<Self, BindError> {
+    fn new(channels: Whole) -> Result<Self, BindError> {
         let channels = setting("channels", channels, "1 to 16")?;
         Ok(Self { decoder: Shared::new(chords::Decoder::new(channels)?), channels })
     }
@@ -123,7 +124,7 @@ pub(crate) struct SpikerStream {
 impl SpikerStream {
     #[new]
     #[pyo3(signature = (*, channels))]
-    fn new(channels: i64) -> Result<Self, BindError> {
+    fn new(channels: Whole) -> Result<Self, BindError> {
         let channels = setting("channels", channels, "1 to 6")?;
         Ok(Self { decoder: Shared::new(spiker::Decoder::new(channels)?), channels })
     }
@@ -152,7 +153,7 @@ pub(crate) struct AsciiStream {
 impl AsciiStream {
     #[new]
     #[pyo3(signature = (*, channels, leading, drop_first))]
-    fn new(channels: i64, leading: i64, drop_first: bool) -> Result<Self, BindError> {
+    fn new(channels: Whole, leading: Whole, drop_first: bool) -> Result<Self, BindError> {
         let (channels, leading) =
             (setting("channels", channels, "1 to 64")?, setting("leading", leading, "0 to 64")?);
         Ok(Self { decoder: Shared::new(ascii::Decoder::new(channels, leading, drop_first)?), channels })

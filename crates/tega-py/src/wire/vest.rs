@@ -10,6 +10,7 @@ use tega_wire::bhaptics::{self, BleFrame, Intensities};
 use tega_wire::{WireError, hid};
 
 use super::narrow;
+use crate::arguments::Whole;
 use crate::errors::BindError;
 
 type Column<'py, T> = Bound<'py, PyArray1<T>>;
@@ -68,8 +69,8 @@ pub(crate) fn x16_steps<'py>(
 pub(crate) fn hid_motor_report<'py>(
     py: Python<'py>,
     intensities: PyReadonlyArray1<'py, u8>,
-    sequence: i64,
-    ttl_ms: i64,
+    sequence: Whole,
+    ttl_ms: Whole,
     request_status: bool,
 ) -> Result<Bound<'py, PyBytes>, BindError> {
     let ttl_ms = narrow("ttl_ms", ttl_ms, "1 to 65535")?;
@@ -79,7 +80,7 @@ pub(crate) fn hid_motor_report<'py>(
 
 #[pyfunction]
 #[pyo3(signature = (*, sequence))]
-pub(crate) fn hid_stop_report(py: Python<'_>, sequence: i64) -> Result<Bound<'_, PyBytes>, BindError> {
+pub(crate) fn hid_stop_report(py: Python<'_>, sequence: Whole) -> Result<Bound<'_, PyBytes>, BindError> {
     let sequence = narrow("sequence", sequence, "0 to 65535")?;
     Ok(PyBytes::new(py, &hid::motor_report(sequence, &hid::Motor::Stop)?))
 }
@@ -107,7 +108,7 @@ pub(crate) fn hid_status(report: &[u8]) -> Result<StatusParts, BindError> {
     Ok((status.sequence, status.link, status.battery, status.faults, status.uptime_ms, status.dropped))
 }
 
-type StatusFields = (i64, i64, Option<i64>, i64, i64, i64);
+type StatusFields = (Whole, Whole, Option<Whole>, Whole, Whole, Whole);
 
 #[pyfunction]
 #[pyo3(signature = (status, /))]
