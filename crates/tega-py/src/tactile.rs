@@ -11,7 +11,7 @@ use tega_tactile::{
     PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live, read_paper,
 };
 
-use crate::arguments::image;
+use crate::arguments::{Whole, image};
 use crate::errors::BindError;
 use crate::shared::{KEEP_UP_TO, Shared, released};
 
@@ -57,7 +57,7 @@ impl Equations {
         spread: &str,
         factor: f64,
         centroid_value: &str,
-        gate: Option<(f64, u32)>,
+        gate: Option<(f64, Whole)>,
     ) -> Result<Self, BindError> {
         Ok(Self(Options {
             weights: Weights::printed(weights.0, weights.1, weights.2)?,
@@ -66,7 +66,9 @@ impl Equations {
             spread: choice("spread", spread, &SPREADS)?,
             factor: Options::printed_factor(factor)?,
             centroid_value: choice("centroid_value", centroid_value, &CENTROID_VALUES)?,
-            gate: gate.map(|(floor, pixels)| Gate::new(floor, pixels)).transpose()?,
+            gate: gate
+                .map(|(floor, pixels)| Gate::new(floor, pixels.to("min_pixels", "0 to 4294967295")?))
+                .transpose()?,
         }))
     }
 
