@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from typing import Final, Literal, Self, final
+from typing import Any, Final, Literal, Self, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +67,10 @@ class TrackedContact:
     broad: Final[float]
     difference: Final[float]
     threshold: Final[float]
+    def __new__(cls, *fields: Any) -> Self: ...
+    def __eq__(self, other: object, /) -> bool: ...
+    def __hash__(self) -> int: ...
+    def __reduce__(self) -> tuple[type[Self], tuple[Any, ...]]: ...
 
 @final
 class TouchTracker:

@@ -1,16 +1,21 @@
 //! Bindings of the touch tracker.
 
+use std::hash::{DefaultHasher, Hash, Hasher};
+
 use numpy::{IntoPyArray, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::types::{PyTuple, PyType};
 use tega_error::choice;
 use tega_tactile::{GelLight, LIGHT_TERMS, SensorNoise, Touch, TrackerOptions};
 
-use crate::arguments::image;
+use crate::arguments::{Whole, image};
 use crate::errors::{BindError, ShapeError};
 use crate::shared::{KEEP_UP_TO, Shared, released};
 use crate::tactile::{ORDERS, OUTLINES, noise_of};
 
-/// What one frame says of a fingertip's contact.
+/// What one frame says of a fingertip's contact. A value: it is made of its fields in order, as when it is unpickled, and
+/// equal to another one with the same numbers, NaN among them.
+#[derive(Debug)]
 #[pyclass(module = "tega.tactile", name = "TrackedContact", frozen, get_all)]
 #[allow(clippy::struct_field_names)] // the name that every record of a contact has
 pub(crate) struct Contact {
@@ -48,8 +53,76 @@ pub(crate) struct Contact {
     threshold: f64,
 }
 
+const FIELDS: [&str; 16] = [
+    "in_contact",
+    "eda",
+    "area_mm2",
+    "cci",
+    "peak",
+    "depth_mm",
+    "force_n",
+    "mass",
+    "centroid_xy",
+    "centroid_mm",
+    "spread",
+    "spread_mm",
+    "strength",
+    "broad",
+    "difference",
+    "threshold",
+];
+
 #[pymethods]
 impl Contact {
+    #[new]
+    #[pyo3(signature = (*fields))]
+    fn new(fields: &Bound<'_, PyTuple>) -> Result<Self, BindError> {
+        fn at<T>(fields: &Bound<'_, PyTuple>, place: usize) -> PyResult<T>
+        where
+            T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
+        {
+            fields.get_item(place)?.extract()
+        }
+        if fields.len() != FIELDS.len() {
+            let message = format!("{} fields of a TrackedContact, wanted {}", fields.len(), FIELDS.len());
+            return Err(ShapeError::new_err((message, "")).into());
+        }
+        Ok(Self {
+            in_contact: at(fields, 0)?,
+            eda: at::<Whole>(fields, 1)?.to("eda", "0 to 4294967295 pixels")?,
+            area_mm2: at(fields, 2)?,
+            cci: at(fields, 3)?,
+            peak: at(fields, 4)?,
+            depth_mm: at(fields, 5)?,
+            force_n: at(fields, 6)?,
+            mass: at(fields, 7)?,
+            centroid_xy: at(fields, 8)?,
+            centroid_mm: at(fields, 9)?,
+            spread: at(fields, 10)?,
+            spread_mm: at(fields, 11)?,
+            strength: at(fields, 12)?,
+            broad: at(fields, 13)?,
+            difference: at(fields, 14)?,
+            threshold: at(fields, 15)?,
+        })
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, Bound<'py, PyTuple>)> {
+        let values = FIELDS.map(|name| slf.getattr(name)).into_iter().collect::<PyResult<Vec<_>>>()?;
+        Ok((slf.get_type(), PyTuple::new(slf.py(), values)?))
+    }
+
+    // By the digits, in which NaN is equal to NaN: without contact there is no middle.
+    fn __eq__(&self, other: &Self) -> bool {
+        format!("{self:?}") == format!("{other:?}")
+    }
+
+    fn __hash__(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        format!("{self:?}").hash(&mut hasher);
+        hasher.finish()
+    }
+
     fn __repr__(&self) -> String {
         format!(
             "TrackedContact(in_contact={}, eda={}, cci={:.4}, peak={:.3}, depth_mm={:.3}, force_n={:.3}, strength={:.2})",

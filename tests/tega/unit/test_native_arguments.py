@@ -13,7 +13,7 @@ import pytest
 from tega import _native, emg, wire
 from tega.errors import TegaError
 from tega.hand import HandController
-from tega.tactile import ContactGate, contact_metrics
+from tega.tactile import ContactGate, TrackedContact, contact_metrics
 
 GEL = np.full((8, 10, 3), 90, np.uint8)
 FORTY, LINE, ROWS = np.zeros(40, np.uint8), np.zeros(16), np.zeros((4, 3))
@@ -36,6 +36,7 @@ def replaced(call: Callable[..., Any], valid: dict[str, Any], name: str, n: Any)
 
 TAKES: dict[str, Callable[[Any], Any]] = {
     "min_pixels": lambda n: contact_metrics(GEL, GEL, gate=ContactGate(1.0, n)),
+    "eda": lambda n: TrackedContact(True, n, *[0.0] * 6, (0.0, 0.0), None, *[0.0] * 6),
     "order": lambda n: emg.ButterworthLowpass(1000, order=n),
     "channels": lambda n: emg.ButterworthLowpass(1000, channels=n),
     "channels of blocks": lambda n: emg.BlockMean(20, n),

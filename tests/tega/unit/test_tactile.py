@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -178,6 +179,8 @@ def test_middle_spread_and_area_are_scaled_alike(shape: tuple[int, int]) -> None
     assert contact.area_mm2 == pytest.approx(contact.eda * mm**2)
     assert contact.spread_mm == pytest.approx(contact.spread * mm)
     assert contact.centroid_mm == pytest.approx([(at + 0.5) * mm for at in contact.centroid_xy])
+    both = [contact, TouchTracker(STILL).update(STILL)]
+    assert pickle.loads(pickle.dumps(both)) == both
     contact = pressed(None, shape)  # without a scale
     assert (contact.area_mm2, contact.centroid_mm, contact.spread_mm) == (None, None, None)
 
