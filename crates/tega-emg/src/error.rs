@@ -1,6 +1,6 @@
 //! What can be wrong with the input.
 
-use tega_error::{Brief, OutOfRange};
+use tega_error::{Brief, Computed, OutOfRange};
 
 /// An input that cannot be used; the message names the argument, its value and its unit.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -11,7 +11,7 @@ pub enum EmgError {
     /// No filter with this cutoff exists at this sample rate, or rounding alone would spoil it.
     #[error(
         "cutoff_hz = {} Hz cannot be filtered at rate_hz = {} Hz: it must lie between {} and {} Hz",
-        Brief(*cutoff_hz), Brief(*rate_hz), Brief(*low_hz), Brief(*high_hz)
+        Brief(*cutoff_hz), Brief(*rate_hz), Computed(*low_hz), Computed(*high_hz)
     )]
     Cutoff {
         /// The cutoff asked for.

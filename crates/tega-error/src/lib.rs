@@ -94,6 +94,16 @@ impl Display for Brief {
     }
 }
 
+/// Write a computed number with six digits: what follows them is the noise of its computation.
+#[derive(Debug, Clone, Copy)]
+pub struct Computed(pub f64);
+
+impl Display for Computed {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        Brief(format!("{:.5e}", self.0).parse().unwrap_or(self.0)).fmt(f)
+    }
+}
+
 /// Write a unit with a space before it, and nothing where there is no unit.
 #[derive(Debug, Clone, Copy)]
 pub struct Spaced<'a>(pub &'a str);
@@ -114,6 +124,13 @@ mod tests {
             .map(|x| Brief(x).to_string());
         let wanted = ["0", "3", "-0.25", "1e300", "1.7976931348623157e308", "-5e-324", "NaN", "inf"];
         assert_eq!(shown, wanted);
+    }
+
+    #[test]
+    fn computed_numbers_end_where_their_noise_begins() {
+        let shown = [1e-6 * 333.333_333_3, 0.499_999 * 333.333_333_3, 499.999, 0.0, f64::NAN]
+            .map(|x| Computed(x).to_string());
+        assert_eq!(shown, ["0.000333333", "166.666", "499.999", "0", "NaN"]);
     }
 
     #[test]
