@@ -152,7 +152,7 @@ class GraspIntent:
         order: int,
         intervals: int,
         fusion: str,
-        weights: Sequence[float],
+        weights: Sequence[float] | None,
     ) -> GraspIntent: ...
     def process(self, samples: _Floats) -> NDArray[np.int64]: ...
     channels: Final[int]

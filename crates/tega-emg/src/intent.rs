@@ -47,8 +47,8 @@ pub struct Rules {
     pub intervals: Intervals,
     /// What Eq 12 and 13 do with the channels' levels.
     pub fusion: Fusion,
-    /// What each channel counts in that, 0 or more; empty where all count alike.
-    pub weights: Vec<f64>,
+    /// What each channel counts in that, 0 or more; `None` where all count alike.
+    pub weights: Option<Vec<f64>>,
 }
 
 impl Default for Rules {
@@ -58,7 +58,7 @@ impl Default for Rules {
             order: ORDER,
             intervals: Intervals::Four,
             fusion: Fusion::Floor,
-            weights: Vec::new(),
+            weights: None,
         }
     }
 }
@@ -93,6 +93,7 @@ pub struct GraspIntent {
     sum: BlockSum,
     maxima: Vec<f64>,
     rules: Rules,
+    weights: Vec<f64>,
     live: Option<(Steady, Confirm)>,
     means: Vec<f64>,
     votes: Vec<bool>,
@@ -128,11 +129,11 @@ impl GraspIntent {
         tau: usize,
         kind: Kind,
         preset: Preset,
-        mut rules: Rules,
+        rules: Rules,
     ) -> Result<Self, EmgError> {
         let channels = maxima.len();
         let chain = Chain::with_lowpass(rate_hz, channels, kind, rules.cutoff_hz, rules.order)?;
-        rules.weights = check_weights(rules.weights, channels)?;
+        let weights = check_weights(rules.weights.as_deref(), channels)?;
         let sum = BlockSum::new(tau, channels)?;
         let share = if preset == Preset::Live { LIVE_SHARE } else { 1.0 };
         let maxima = maxima
@@ -143,7 +144,7 @@ impl GraspIntent {
         let live = (preset == Preset::Live)
             .then(|| (Steady::new(tau as f64 / rate_hz, channels, rules.intervals), Confirm::default()));
         let (means, votes) = (Vec::with_capacity(channels), vec![true; channels]);
-        Ok(Self { chain, sum, maxima, rules, live, means, votes, fused: 1, holding: false })
+        Ok(Self { chain, sum, maxima, rules, weights, live, means, votes, fused: 1, holding: false })
     }
 
     /// Take rows of samples, one column a channel; samples left over wait for the next call.
@@ -184,7 +185,7 @@ impl GraspIntent {
                 *level = if *vote { level_of(*mean, *maximum, self.rules.intervals) } else { 0 };
             }
         }
-        let weighted = levels.iter().copied().zip(self.rules.weights.iter().copied());
+        let weighted = levels.iter().copied().zip(self.weights.iter().copied());
         let voted = fuse(weighted.filter(|(level, _)| *level > 0), self.rules.fusion);
         self.holding = voted.is_none();
         self.fused = match (voted, &mut self.live) {
@@ -226,19 +227,19 @@ impl GraspIntent {
 }
 
 /// One weight a channel, all 1 where none is given.
-fn check_weights(weights: Vec<f64>, channels: usize) -> Result<Vec<f64>, EmgError> {
-    if weights.is_empty() {
+fn check_weights(weights: Option<&[f64]>, channels: usize) -> Result<Vec<f64>, EmgError> {
+    let Some(weights) = weights else {
         return Ok(vec![1.0; channels]);
-    }
+    };
     let (name, unit) = ("weights", "");
     if weights.len() != channels {
-        let wanted = "one for each channel";
-        return Err(OutOfRange::new(name, weights.len() as f64, unit, wanted).into());
+        let wanted = format!("{channels}, one for each channel");
+        return Err(OutOfRange::new("number of weights", weights.len() as f64, unit, wanted).into());
     }
     let bad = weights.iter().find(|weight| !(weight.is_finite() && **weight >= 0.0));
     let none = weights.iter().sum::<f64>() <= 0.0;
     match bad.copied().or(none.then_some(0.0)) {
-        None => Ok(weights),
+        None => Ok(weights.to_vec()),
         Some(value) => {
             let wanted = "finite numbers of 0 or more, one of them above 0";
             Err(OutOfRange::new(name, value, unit, wanted).into())
@@ -329,13 +330,19 @@ mod tests {
         assert_eq!(fused(Rules::default(), &[1.0], &[0.85; 20])?, [4]);
         assert_eq!(fused(five, &[1.0], &[0.85; 20])?, [5]);
         let rows = [0.1, 0.1, 0.9].repeat(20);
-        let third = Rules { weights: vec![0.0, 0.0, 1.0], ..Rules::default() };
+        let third = Rules { weights: Some(vec![0.0, 0.0, 1.0]), ..Rules::default() };
         assert_eq!(fused(Rules::default(), &[1.0; 3], &rows)?, [1]);
         assert_eq!(fused(third, &[1.0; 3], &rows)?, [4]);
-        for weights in [vec![1.0], vec![0.0; 3], vec![-1.0, 1.0, 1.0], vec![f64::NAN, 1.0, 1.0]] {
-            let rules = Rules { weights, ..Rules::default() };
+        for weights in [vec![], vec![1.0], vec![0.0; 3], vec![-1.0, 1.0, 1.0], vec![f64::NAN, 1.0, 1.0]] {
+            let rules = Rules { weights: Some(weights), ..Rules::default() };
             let got = fused(rules, &[1.0; 3], &rows);
-            assert!(matches!(got, Err(EmgError::OutOfRange(OutOfRange { name: "weights", .. }))), "{got:?}");
+            assert!(
+                matches!(
+                    got,
+                    Err(EmgError::OutOfRange(OutOfRange { name: "weights" | "number of weights", .. }))
+                ),
+                "{got:?}"
+            );
         }
         Ok(())
     }

@@ -125,7 +125,7 @@ impl GraspIntent {
         order: Whole,
         intervals: Whole,
         fusion: &str,
-        weights: Vec<f64>,
+        weights: Option<Vec<f64>>,
     ) -> Result<Self, BindError> {
         let (kind, preset, tau) = (Kind::parse(kind)?, Preset::parse(preset)?, count("tau", tau)?);
         let rules = Rules {

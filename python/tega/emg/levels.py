@@ -224,7 +224,7 @@ class GraspIntent:
             order=order,
             intervals=intervals,
             fusion=fusion,
-            weights=[] if weights is None else [float(w) for w in weights],
+            weights=None if weights is None else [float(w) for w in weights],
         )
         self._channels = len(values)
         self._reported = f"{kind}, {rate_hz:g} Hz, blocks of {tau}, preset {preset}"
