@@ -40,6 +40,7 @@ from tega.runtime.clock import Clock, ManualClock, SystemClock
 from tega.runtime.lifecycle import Elsewhere
 from tega.safety.guard import Guard
 from tega.safety.stop import Stop
+from tega.wire.arrays import float_array
 
 __all__ = ["ProgramArm", "ProgramHand", "ProgramSession", "ProgramVest", "session"]
 
@@ -99,7 +100,9 @@ class ProgramVest(MotorTests):
 
         Raises:
             DeviceUnavailableError: The settings name no vest.
-            InvalidValueError: A number is out of range, the frame is of another layout, or the session has not begun.
+            InvalidValueError: A number is out of range or masked, the frame is of another layout, or the session has
+                not begun.
+            DtypeError: The intensities are not real numbers.
             ShapeError: There are not as many numbers as motors.
         """
         if self._driver is None:
@@ -111,7 +114,7 @@ class ProgramVest(MotorTests):
                 raise InvalidValueError(f"frame of layout {intensities.layout}, not {self._layout}")
             numbers = intensities.intensities.astype(np.float64)
         else:
-            numbers = np.asarray(intensities, np.float64)
+            numbers = float_array("intensities", intensities)
         if not bool(np.all((numbers >= 0) & (numbers <= 100))):
             raise InvalidValueError("intensities are out of range: 0 to 100 percent")
         self._frame.send(MotorLevels(self._layout, np.rint(numbers).astype(np.uint8)), for_s)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from tega.arm.gate import malformed
@@ -15,6 +14,7 @@ from tega.devices.base import DeviceInfo
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.clock import Clock
 from tega.runtime.lifecycle import Opened
+from tega.wire.arrays import float_array
 
 _LONGEST_S: Final = 10.0
 
@@ -111,7 +111,8 @@ class ProgramArm:
                 "something else leads the arm",
                 "take out arm.tracker, input.motion and other programs' claims",
             )
-        place, turn = np.asarray(position_m, np.float64), np.asarray(quaternion_xyzw, np.float64)
+        place = float_array("position_m", position_m)
+        turn = float_array("quaternion_xyzw", quaternion_xyzw)
         pose = StampedPose(0, place.copy(), turn.copy())
         if why := malformed(pose, self._config.gate):
             raise InvalidValueError(f"pose: {why}", "give x, y, z in metres and a unit quaternion x, y, z, w")
