@@ -364,4 +364,4 @@ def channel_maxima(
     def maxima(rows: ArrayLike) -> NDArray[np.float64]:
         return _native.channel_maxima(_rows(rows, None), rate_hz, tau, kind, percentile)
 
-    return each_item(maxima, as_array(samples), item_axes=2)
+    return each_item(maxima, as_array(samples), item_axes=2, kept=slice(-1, None), dtype=np.float64)

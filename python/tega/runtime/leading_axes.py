@@ -43,12 +43,17 @@ def each_number(function: Callable[..., Any], *values: ArrayLike, dtype: Any) ->
     return np.array(made, dtype).reshape(several.shape)
 
 
-def each_item(function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int) -> NDArray[Any]:
-    """Return a function of items of ``item_axes`` axes, such as pictures, along the leading axes of arrays."""
+def each_item(
+    function: Callable[..., NDArray[Any]], *arrays: NDArray[Any], item_axes: int, kept: slice, dtype: Any
+) -> NDArray[Any]:
+    """Return a function of items of ``item_axes`` axes, such as pictures, along the leading axes of arrays.
+
+    Its results are of the shape that ``kept`` takes from an array's, and of ``dtype``, also where there is no item.
+    """
     arrays = tuple(whole_array("an array", array) for array in arrays)
     shape = np.broadcast_shapes(*(array.shape[: array.ndim - item_axes] for array in arrays))
     several = [np.broadcast_to(array, shape + array.shape[array.ndim - item_axes :]) for array in arrays]
     if not shape:
         return function(*several)
     found = [function(*(array[index] for array in several)) for index in np.ndindex(shape)]
-    return np.stack(found).reshape(*shape, *found[0].shape) if found else np.empty(shape)
+    return np.array(found, dtype).reshape(shape + arrays[0].shape[kept])

@@ -1,8 +1,9 @@
 """Turn a fingertip camera's frame and its baseline into contact metrics (equations 1 to 6).
 
 Images are uint8 arrays of shape (height, width, 3), 1 to 4096 pixels on each side, with any strides, writeable or
-not; they are borrowed, never copied. Any other dtype is refused: turning a float image into counts is a decision of
-the caller. Coordinates are (column, row), pixel centres counted from 0. Grey values are counts of 0 to 255.
+not; they are borrowed, never copied. Any other dtype and masked pixels are refused: turning floats into counts, or
+filling a mask, is a decision of the caller. Coordinates are (column, row), pixel centres counted from 0. Grey values
+are counts of 0 to 255.
 """
 
 from __future__ import annotations
@@ -280,7 +281,7 @@ def contact_mask(
     Returns:
         bool (..., H, W).
     """
-    return _each_picture(_preset(reading, **options).mask, frame, baseline)
+    return _each_picture(_preset(reading, **options).mask, frame, baseline, np.bool_)
 
 
 def pressure_map(
@@ -297,17 +298,18 @@ def pressure_map(
     Returns:
         float32 (..., H, W).
     """
-    return _each_picture(_preset(reading, **options).pressure_map, frame, baseline)
+    return _each_picture(_preset(reading, **options).pressure_map, frame, baseline, np.float32)
 
 
 def _each_picture(
     read: Callable[[NDArray[np.uint8], NDArray[np.uint8]], NDArray[Any]],
     frames: NDArray[np.uint8],
     baselines: NDArray[np.uint8],
+    dtype: Any,
 ) -> NDArray[Any]:
     if max(getattr(frames, "ndim", 0), getattr(baselines, "ndim", 0)) <= 3:
         return read(frames, baselines)
-    return each_item(read, frames, baselines, item_axes=3)
+    return each_item(read, frames, baselines, item_axes=3, kept=slice(-3, -1), dtype=dtype)
 
 
 def estimate_baseline(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:

@@ -231,7 +231,9 @@ def test_the_long_edge_of_a_calliper_is_outlined_and_the_faint_one_is_not(record
 def test_masks_and_maps_of_several_pictures(reading: Preset) -> None:
     frames = np.stack([[dented(20.0 * k, noise=k + 3 * f, seed=f) for k in range(3)] for f in range(2)])
     rests = np.stack([still(f) for f in range(2)])[:, None]
-    for function in (contact_mask, pressure_map):
+    for function, kind in ((contact_mask, "?"), (pressure_map, "f")):
+        none = function(frames[:, :0], rests, reading)
+        assert (none.shape, none.dtype.char) == ((2, 0, *frames.shape[2:4]), kind)
         with pytest.raises(InvalidValueError, match="masked"):
             function(np.ma.masked_greater(frames, 90), rests, reading)
         found = function(frames, rests, reading)
