@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import cv2
 import msgspec
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from tega.config import StagesSection, check_tree, load_config
 from tega.config.calibration import Calibration, TouchMaxima
 from tega.config.calibration.store import calibration_text, parse_calibration, refused_law, save_calibration
 from tega.config.choose import finger_metric, vest_mapping
+from tega.emg import Preset
 from tega.errors import CalibrationError
 from tega.haptics import intensity
 from tega.loop import run_session
@@ -152,6 +154,28 @@ def test_a_place_is_a_share_of_the_pictures_that_the_run_has() -> None:
     loop = touch_loop(config, calibration, {"index": np.zeros((480, 640, 3), np.uint8)})
     loop.update("index", msgspec.structs.replace(touching(3000), centroid_xy=(0.0, 479.0)))
     assert loop.frame(0).intensities.reshape(2, 5, 4).any(axis=(0, 2)).tolist() == [False] * 4 + [True]
+
+
+@pytest.mark.parametrize("preset", ["paper", "live"])
+def test_a_slip_has_the_same_features_in_pictures_of_any_size(preset: Preset) -> None:
+    def features(times: float) -> tuple[float, ...]:
+        def resized(image: Any) -> Any:
+            return cv2.resize(image, None, fx=times, fy=times, interpolation=cv2.INTER_AREA)
+
+        gel = Gel(5)
+        baseline = resized(gel.still())
+        config = load_config(None, environ={}, sets=[f"session.preset={preset}"]).config
+        loop = touch_loop(config, Calibration(preset=preset, origin=""), {"index": baseline})
+        loop.find_events()
+        metric = finger_metric(config.stages, preset, "index", baseline)
+        for k in range(60):  # slides in the last third of a second
+            pressed = ball(force_n=2.0, centre_xy=(119.5, 130.0 + 2 * max(k - 40, 0)))
+            loop.update("index", metric.update(resized(gel.frame([pressed], k)), k * PERIOD_NS))
+        assert loop._detector
+        return loop._detector.features(1.0)
+
+    for times in (0.5, 2.0):
+        assert features(times) == pytest.approx(features(1.0), rel=0.08, abs=0.05)
 
 
 def test_the_trend_of_a_press_can_be_felt_in_a_column() -> None:

@@ -23,6 +23,7 @@ from tega.runtime.leading_axes import as_array
 from tega.stages.base import Mapping, VestSetup
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
 from tega.stages.events import DetectedEvent, Detector, TouchFrame
+from tega.stages.place import DIGIT_PX
 
 # A frame older than this says nothing about the present: the finger's columns fall silent.
 STALE_NS = 100_000_000
@@ -38,9 +39,9 @@ class TouchLoop:
     finger that is not in contact or has no maximum is silent: intensity 0, not the 1 that Eq 7 gives at rest.
 
     The keys of ``maxima`` are the fingers in use. ``felt`` evens out the perceived intensity, ``None`` sends the law's
-    own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9; ``pictures_px`` are for it, see :class:`VestSetup`.
-    ``found`` are the events that the newest frame
-    showed, if the mapping wants them or :meth:`find_events` was called.
+    own. ``mapping`` makes the mapping, ``None`` that of Eq 7 to 9; ``pictures_px`` are for it and the events, see
+    :class:`VestSetup`. ``found`` are the events that the newest frame showed, if the mapping wants them or
+    :meth:`find_events` was called.
     """
 
     def __init__(
@@ -63,6 +64,7 @@ class TouchLoop:
         table = find_layout(layout)
         self._n_motors = len(table.motors)
         self._silence = self._made(np.zeros(self._n_motors))
+        self._pictures_px = pictures_px
         setup = VestSetup(table.mirrored(mirror), tuple(maxima), self._maxima, felt, pictures_px)
         self.mapping = ColumnsMapping(setup, ColumnsOptions()) if mapping is None else mapping(setup)
         # A mapping that knows what the wearer feels has said already what each motor is to do.
@@ -90,7 +92,7 @@ class TouchLoop:
             front, back = self.mapping.columns(finger, contact)
         self._newest[finger] = contact
         if self._detector is not None:
-            self.found = _events(self._detector, contact)
+            self.found = _events(self._detector, contact, self._pictures_px.get(finger, DIGIT_PX))
             if self.mapping.wants_events:
                 self._events.extend(self.found)
         return replace(contact, front=front, back=back)
@@ -170,10 +172,10 @@ def touch_loop(
     )
 
 
-def _events(detector: Detector, contact: Contact) -> Sequence[Event]:
+def _events(detector: Detector, contact: Contact, picture_px: tuple[int, int]) -> Sequence[Event]:
     t_ns, finger = contact.t_ns, contact.finger
     touch = TouchFrame(contact.in_contact, contact.eda, contact.mass, contact.peak, *contact.centroid_xy)
-    return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch)]
+    return [_event(found, t_ns) for found in detector.touch(t_ns / 1e9, finger, touch.resized(*picture_px))]
 
 
 def _event(found: DetectedEvent, t_ns: int) -> Event:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 
 class TouchFrame(NamedTuple):
-    """Contact in one frame of a fingertip.
+    """Contact in one frame of a fingertip, in a picture of 240 x 320: the rules were fitted on such.
 
     Attributes:
         in_contact: Whether something is touched.
@@ -29,6 +29,11 @@ class TouchFrame(NamedTuple):
     peak: float
     x: float
     y: float
+
+    def resized(self, width: int, height: int) -> TouchFrame:
+        """Return what the same touch of the same gel is in a picture of 240 x 320 instead of this size."""
+        by = 400.0 / math.hypot(width, height)
+        return self._replace(eda=self.eda * by**2, mass=self.mass * by**2, x=self.x * by, y=self.y * by)
 
 
 class TwoMeans:
