@@ -349,6 +349,9 @@ def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
     commas = (tmp_path / "a.edf").read_bytes().replace(b"-2000   ", b"-2000,0 ")
     (tmp_path / "b.edf").write_bytes(commas)
     np.testing.assert_allclose(read_signals(tmp_path / "b.edf").samples, EMG[:, :1], atol=0.05)
+    (tmp_path / "b.edf").write_bytes(whole[:244] + b"0".ljust(8) + whole[252:])
+    with pytest.raises(RecordingError, match="its records last 0 s"):
+        read_signals(tmp_path / "b.edf")
     (tmp_path / "b.edf").write_bytes(commas.replace(b"-2000,0", b"none   "))
     assert read_signals(tmp_path / "b.edf").decision.unit == "counts"
 

@@ -61,7 +61,7 @@ def open_edf(path: Path, reading: Reading) -> Table:  # noqa: ARG001  # as all r
     head = np.column_stack([head[:n_head] for head in heads]) if heads else np.empty((0, 0))
     columns = judged_columns(names, head, units=list(map(_unit, signals)))
     counts = [signal.samples_per_data_record for signal in signals]
-    rates = [count / layout.record_s if layout.record_s else 0.0 for count in counts]
+    rates = [count / layout.record_s for count in counts]
     named = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "channel"]
     usable = [rate for rate, column in zip(rates, columns, strict=True) if column.holds == "unknown"]
     rate_hz = Counter(named or usable or rates or [0.0]).most_common(1)[0][0]
@@ -113,6 +113,9 @@ def _layout(path: Path) -> _Layout:
             raise RecordingError(
                 f"{path.name}: a damaged header: {error}", "copy or export it again"
             ) from error
+    if not 1e-6 <= record_s <= 1e6:
+        text = f"{path.name}: its records last {record_s:g} s, so its signals have no rate"
+        raise RecordingError(text, "export it with its signals: it holds annotations alone, or is damaged")
     sample = 3 if fixed[:1] == b"\xff" else 2
     marks = [k for k, label in enumerate(labels) if label in {b"EDF Annotations", b"BDF Annotations"}]
     n_bytes = sum(counts) * sample
