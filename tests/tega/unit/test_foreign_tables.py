@@ -236,6 +236,14 @@ def test_arrays_with_times_of_any_unit_and_columns_of_one_name(tmp_path: Path) -
         arrays: Any = {"emg": EMG, name: T_S * scale}
         np.savez(tmp_path / "a.npz", **arrays)
         assert same(read_signals(tmp_path / "a.npz")).rate_hz == RATE_HZ
+    vectors: Any = dict(zip(("emg_c", "emg_b", "emg_a"), EMG.T, strict=True))
+    np.savez(tmp_path / "a.npz", **vectors, t=T_S, force=T_S)
+    assert same(read_signals(tmp_path / "a.npz")).rate_hz == RATE_HZ
+    with h5py.File(tmp_path / "a.h5", "w", track_order=True) as file:
+        file.attrs["fs"] = RATE_HZ
+        for name, values in vectors.items():
+            file[name] = values
+    assert same(read_signals(tmp_path / "a.h5")).rate_hz == RATE_HZ
     parquet.write_table(pa.table(list(map(pa.array, EMG.T)), names=["emg"] * 3), tmp_path / "a.parquet")
     same(read_signals(tmp_path / "a.parquet"))
     with h5py.File(tmp_path / "a.nwb", "w") as file:

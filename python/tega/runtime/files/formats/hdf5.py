@@ -57,6 +57,10 @@ def open_hdf5(path: Path, reading: Reading, *, transposed: bool = False) -> Tabl
         if len(records) == 1 and not matrices:
             return _records(path, *next(iter(records.items())))
         picked = pick(datasets, reading.variable, path.name)
+        if picked.channels:
+            return open_arrays(
+                datasets | {k: np.asarray(file.attrs[k]) for k in file.attrs}, reading, path.name, name
+            )
         dataset = picked.array
         numbers = dataset.ndim == 2 and dataset.dtype.kind in "iuf" and not transposed
         if numbers and reading.rows != "channels" and dataset.shape[0] >= dataset.shape[1] > 0:

@@ -40,18 +40,22 @@ _ROWS = 65_536
 
 
 class Picked(NamedTuple):
-    """Array that holds the samples; ``note`` is why it was picked, ``""`` for the one that was asked for."""
+    """Array that holds the samples; ``note`` is why it was picked, ``""`` for the one that was asked for.
+
+    ``channels`` are the names of the arrays that it was put together from, a column each.
+    """
 
     name: str
     array: Any
     note: str
+    channels: tuple[str, ...] = ()
 
 
 def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
     """Return the array of samples among named ones; ``RecordingError`` where none or several can be meant.
 
     Arrays are anything with ``shape`` and ``dtype``; fields of a structure are behind a dot. The variable
-    ``emg`` also stands for the only one that can be it.
+    ``emg`` also stands for the only one that can be it, or for those of one dimension and length: a channel each.
     """
     if variable in arrays:
         return Picked(variable, arrays[variable], "")
@@ -69,6 +73,12 @@ def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
         if len(found) == 1:
             name, array = found.popitem()
             return Picked(name, array, f'the samples are "{name}"')
+        shapes = {tuple(array.shape) for array in found.values()}
+        if len(shapes) == 1 and np.prod(shape := shapes.pop()) == (n := max(shape)):
+            check_size(np.broadcast_to(0.0, (n, len(found))), file)
+            array = np.column_stack([as_array(array, file).ravel() for array in found.values()])
+            note = f"the channels are {', '.join(map(repr, found))}"
+            return Picked(next(iter(found)), array, note, tuple(map(_last, found)))
         if found:
             break
     listed = ", ".join(sorted(tables or arrays)[:_MOST_LISTED]) or "none that can be listed"
@@ -76,7 +86,7 @@ def pick(arrays: Mapping[str, Any], variable: str, file: str) -> Picked:
         f"{file}: several arrays can be {variable!r}"
         if len(tables) > 1
         else f"{file}: has no variable {variable!r}",
-        f"it has: {listed}; name one of them as the variable",
+        f"it has: {listed}; name one of them: --variable, or emg.options.variable",
     )
 
 
@@ -86,7 +96,7 @@ def open_arrays(arrays: Mapping[str, Any], reading: Reading, file: str, format_n
         raise RecordingError(f"{file}: holds its channels behind each other", "export text from LabChart")
     picked = pick(arrays, reading.variable, file)
     array, sideways = oriented(as_array(picked.array, file), file, rows=reading.rows)
-    columns = judged_columns([], array[:MOST_JUDGED].astype(np.float64))
+    columns = judged_columns(picked.channels, array[:MOST_JUDGED].astype(np.float64))
     table = Table(file, format_name, columns, in_one(array), sideways=sideways)
     table.notes += [picked.note] if picked.note else []
     add_clock(table, arrays, picked.name, len(array))
