@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Final, Self
 
 from tega.errors import RecordingError
+from tega.recording.mcap_folder import recording_stem
 from tega.recording.mcap_reader import McapReader, Message, table_ns
 from tega.recording.mcap_schemas import decoder, message_class, unit_table
 from tega.recording.origin import LEAD_IN, new_session, no_session, note_copy
@@ -100,7 +101,7 @@ def _write(reader: McapReader, writer: Any) -> None:
 
 def _export(recordings: Sequence[Path], out: Path) -> list[Path]:
     new_session(out)
-    return [export_bag(path, out / path.stem) for path in recordings]
+    return [export_bag(path, out / recording_stem(path)) for path in recordings]
 
 
 FORMAT = ExportFormat(options=(), export=_export)

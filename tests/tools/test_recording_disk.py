@@ -23,6 +23,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
+from reference.command import call
 from reference.installed import program
 from reference.sessions import SECONDS, messages, record, stream, tree
 from tega.config import check_tree
@@ -248,7 +249,7 @@ def test_a_folder_in_memory_that_names_another_file_is_left_alone(tmp_path: Path
     assert victim.read_bytes() == b"untouched"
 
 
-def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(lossless, tmp_path, monkeypatch):
+def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(lossless, tmp_path, monkeypatch, capsys):
     whole = tmp_path / "session" / lossless.name
     whole.parent.mkdir()
     shutil.copy(lossless, whole)
@@ -265,6 +266,8 @@ def test_an_unfinished_recording_on_a_full_disk_is_read_as_it_is(lossless, tmp_p
         (found,) = session_files(part.parent)
         assert found == part
         inspection = inspect_file(found)
+        call(capsys, "recording", "export", part.parent, "--out", tmp_path / "tables")
+        assert [made.name for made in (tmp_path / "tables").iterdir()] == [whole.stem]
         with pytest.raises(OSError, match="No space left"):
             SessionFolder(part.parent)
     assert not inspection.complete

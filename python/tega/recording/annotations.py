@@ -16,6 +16,7 @@ import msgspec
 
 from tega.errors import InvalidValueError, RecordingError, TegaError
 from tega.recording.inspection import inspect_file
+from tega.recording.mcap_folder import recording_stem
 from tega.runtime.files.annotations import CodedEvent, check_times, known_code
 from tega.runtime.files.boris import BorisBehaviour, boris_observation, boris_project, read_boris
 from tega.runtime.files.eaf import read_eaf, write_eaf
@@ -44,7 +45,7 @@ class _Line(msgspec.Struct, frozen=True, omit_defaults=True, forbid_unknown_fiel
 
 def annotations_path(recording: Path) -> Path:
     """Return where a recording's annotations are."""
-    return recording.with_suffix(".annotations.jsonl")
+    return recording.with_name(f"{recording_stem(recording)}.annotations.jsonl")
 
 
 def read_annotations(recording: Path) -> dict[str, list[CodedEvent]]:
@@ -178,7 +179,7 @@ def import_annotations(recording: Path, path: Path, rater: str) -> int:
     rater has coded the recording already; ``RecordingError`` also where an event is outside of it.
     """
     found = read_eaf(path, list(KEYS.values())) if path.suffix.lower() == ".eaf" else read_boris(path)
-    stem = printable(recording.stem)
+    stem = printable(recording_stem(recording))
     name = next((one for one in (f"{stem}_{rater}", stem, rater) if one in found), None)
     if name is None and len(found) != 1:
         names = ", ".join(sorted(found)[:5]) or "none"
@@ -189,7 +190,7 @@ def import_annotations(recording: Path, path: Path, rater: str) -> int:
     coded = found[name] if name is not None else next(iter(found.values()))
     length_s = inspect_file(recording).duration_s
     hint = f"times count from the beginning of {recording.name}"
-    events = check_times(coded, length_s=length_s, name=f"{path.name}: {name or recording.stem}", hint=hint)
+    events = check_times(coded, length_s=length_s, name=f"{path.name}: {name or stem}", hint=hint)
     if read_annotations(recording).get(rater):
         raise InvalidValueError(f"{rater} has annotated {recording.name} already", "give another --rater")
     with AnnotationFile(recording, rater) as file:
@@ -220,16 +221,16 @@ def export_annotations(recording: Path, path: Path, *, video: str = "") -> None:
         write_eaf(path, raters, codes=codes, media=video)
         return
     states = sorted(STATES | {event.code for event in every if event.duration_s})
-    key_of = {code: key for key, code in KEYS.items()}
+    key_of, stem = {code: key for key, code in KEYS.items()}, recording_stem(recording)
     write_whole(
         path,
         boris_project(
-            name=recording.stem,
+            name=stem,
             description="events of a recording; times count from its beginning",
             behaviours=[BorisBehaviour(c, key_of.get(c, ""), is_state=c in states) for c in codes],
             subjects=sorted({event.subject for event in every if event.subject}),
             observations={
-                f"{recording.stem}_{rater}" if rater else recording.stem: boris_observation(
+                f"{stem}_{rater}" if rater else stem: boris_observation(
                     events, length_s=length_s, variables={}, media=video, states=states
                 )
                 for rater, events in raters.items()

@@ -214,6 +214,11 @@ def in_order(name: str) -> tuple[int, str]:
     return (0 if number is None else int(number[1]), name)
 
 
+def recording_stem(recording: Path) -> str:
+    """Return a recording's name without its endings, those of an unfinished one among them."""
+    return Path(recording.name.removesuffix(_PART)).stem
+
+
 def recover_file(source: Path, target: Path) -> Recovered:
     """Copy everything readable of an MCAP file into one with an index; stops at the first damage.
 

@@ -188,7 +188,7 @@ def export(
     EMG can identify a person, in tables and in datasets: publish them only with that person's consent.
     """
     from tega.recording.export import export_file
-    from tega.recording.mcap_folder import session_files
+    from tega.recording.mcap_folder import recording_stem, session_files
 
     formats = _guest_formats()
     for name, option in ((name, option) for name, one in formats.items() for option in one.options):
@@ -203,7 +203,7 @@ def export(
     else:
         made = []
         for path in files:
-            target = out / path.stem if session.is_dir() else out
+            target = out / recording_stem(path) if session.is_dir() else out
             with progress_bar() as progress:
                 made += export_file(path, target, kind=kind, pictures=pictures, progress=progress)
     _echo_paths(made, as_json=as_json)
@@ -247,11 +247,12 @@ def trim(
     from before the part are attached, without pictures; verify needs them to re-run the part bit for bit. EMG can
     identify a person: to leave the samples out, use --no-lead-in.
     """
+    from tega.recording.mcap_folder import recording_stem
     from tega.recording.trim import trim_session
 
     if out is None:
         end, place = "end" if to_s is None else f"{to_s:g}s", session.resolve()
-        folder, part = (place, "") if place.is_dir() else (place.parent, f"-{place.stem}")
+        folder, part = (place, "") if place.is_dir() else (place.parent, f"-{recording_stem(place)}")
         out = folder.parent / f"{folder.name}{part}-{from_s:g}s-{end}"
     _echo_paths(
         [trim_session(session, from_s=from_s, to_s=to_s, out=out, lead_in=not no_lead_in)], as_json=as_json

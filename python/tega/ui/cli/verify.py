@@ -53,7 +53,7 @@ def replay_session(
     import msgspec
 
     from tega.recording.inspection import absent_in
-    from tega.recording.mcap_folder import session_files
+    from tega.recording.mcap_folder import recording_stem, session_files
     from tega.recording.replay import replay_file
     from tega.records.bus import Bus
     from tega.ui.cli.report import Findings
@@ -62,7 +62,7 @@ def replay_session(
     for path in files:
         bus, drawn = Bus(), picture
         if picture is not None and len(files) > 1:
-            drawn = picture.with_name(f"{picture.stem}-{path.stem}{picture.suffix}")
+            drawn = picture.with_name(f"{picture.stem}-{recording_stem(path)}{picture.suffix}")
         findings = Findings(bus, drawn, required=True)
         with progress_bar(enabled=not as_json) as progress:
             replays.append(replay_file(path, config=config, sets=sets, bus=bus, progress=progress))
