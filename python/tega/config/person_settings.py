@@ -15,6 +15,7 @@ from tega.config.person import live_info, tracker_info, whose
 from tega.config.sections import SessionConfig
 from tega.devices.base import DeviceInfo
 from tega.errors import CalibrationError
+from tega.haptics.motor_layout import SHIPPED
 
 _MOTORS = 40
 
@@ -54,7 +55,7 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     if emg is not None:
         values["calibration.emg.maxima"] = SettingValue(emg.live_max if live else emg.paper_max, name)
     vest, name = readable(VestCalibration, live_info(config.vest, "vest"))
-    if vest is not None and live:
+    if vest is not None and live and vest.layout in {*SHIPPED, config.vest.layout}:
         threshold, step = felt_by(vest)
         found |= {"vest.threshold": (threshold, name), "vest.step": (step, name)}
     heading, name = readable(ArmRecord, tracker_info(config))
@@ -104,7 +105,7 @@ def _each_motor(record: VestCalibration, percent: tuple[float, ...]) -> tuple[fl
         return None
     values = [known[len(known) // 2]] * _MOTORS
     for site, p in zip(record.sites, percent, strict=True):
-        for motor in site_motors(site):
+        for motor in site_motors(site, record.layout):
             if p > 0:
                 values[motor] = p
     return tuple(values)

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from reference.kept import NOW, muscles, worn
 from reference.scripted import touching
 from tega.config.calibration.records import read_record, write_record
-from tega.config.calibration.wearing import SITES, judge_wearing
+from tega.config.calibration.wearing import column_sites, judge_wearing
 from tega.config.person_settings import felt_by
 from tega.haptics import FeltMap, vest_frame
 from tega.loop.maxima import block_length, touch_maxima
@@ -25,6 +25,7 @@ from tega.setup.calibration.staircase import LEVEL_PERCENT, TOP_LEVEL, Ladder, h
 from tega.wire import vest_levels
 
 LEVELS = st.integers(1, TOP_LEVEL)
+SITES = column_sites("x40")
 # Up to the ceiling two at a time, down from two above, up from two below, and one question about nothing.
 MOST_QUESTIONS = 8 + 16 + 16 + 1
 
@@ -123,19 +124,19 @@ def test_judging_places_takes_any_answer(answers: list[str], unfelt: set[str]) -
     message = {
         displayed: "n" if displayed in unfelt else a for displayed, a in zip(SITES, answers, strict=True)
     }
-    wearing = judge_wearing(message)
+    wearing = judge_wearing(message, "x40")
     assert wearing.n_asked == 8
     assert wearing.n_right == sum(displayed == a for displayed, a in message.items())
     assert any("not felt at all" in p for p in wearing.notes) == bool(unfelt)
 
 
 def test_places_named_right_or_by_a_neighbour_are_no_problem() -> None:
-    assert not judge_wearing({s: s for s in SITES}).notes
-    assert not judge_wearing({**{s: s for s in SITES}, "f2": "f1", "b3": "b4"}).notes
+    assert not judge_wearing({s: s for s in SITES}, "x40").notes
+    assert not judge_wearing({**{s: s for s in SITES}, "f2": "f1", "b3": "b4"}, "x40").notes
     mirrored = {s: f"{s[0]}{5 - int(s[1])}" for s in SITES}
-    assert judge_wearing(mirrored).notes == ('front and back felt mirrored: set vest.mirror = "all"',)
+    assert judge_wearing(mirrored, "x40").notes == ('front and back felt mirrored: set vest.mirror = "all"',)
     exchanged = {s: f"{'fb'[s[0] == 'f']}{s[1]}" for s in SITES}
-    assert judge_wearing(exchanged).notes == (
+    assert judge_wearing(exchanged, "x40").notes == (
         "front and back are felt exchanged: is the vest on the right way round?",
     )
 

@@ -24,6 +24,7 @@ from reference.vest_bench import KeptVest
 from reference.wired import FULL, wired_loop
 from tega.config import VestConfig, check_tree, load_config
 from tega.config.calibration import TouchMaxima
+from tega.config.calibration.wearing import judge_wearing, site_face, site_motors, site_place
 from tega.devices.base import BudgetedVest
 from tega.devices.vest.vest_stream import VestOptions
 from tega.errors import DeviceUnavailableError
@@ -263,12 +264,18 @@ def test_the_loop_sends_what_this_person_feels_and_rest_stays_rest() -> None:
 
 
 def test_a_person_is_asked_about_the_columns_that_a_layout_has(monkeypatch: pytest.MonkeyPatch) -> None:
-    belt = MotorLayout("belt", "four motors", [Motor("front", 0, column, column) for column in range(4)])
+    belt = MotorLayout("belt", "ten motors", [Motor("back", 0, column, 9 - column) for column in range(10)])
     monkeypatch.setattr("tega.runtime.features.find_plugin", lambda *_: None)
     monkeypatch.setattr("tega.runtime.features.load_plugin", lambda *_: belt)
     vest: Any = None
     pulses = Pulses(vest, layout="belt", ceiling=9, times=Times())
-    assert pulses.sites(each_motor=False) == ("f1", "f2", "f3", "f4")
+    sites = pulses.sites(each_motor=False)
+    assert sites == tuple(f"b{column}" for column in range(1, 11))
+    assert [site_motors(site, "belt") for site in sites] == [(9 - column,) for column in range(10)]
+    assert site_place("b10", "belt") == "back, column 10 of 10 from your left"
+    assert site_face("m4", "belt") == "b"
+    backward = dict(zip(sites, sites[::-1], strict=True))
+    assert judge_wearing(backward, "belt").notes == ('back felt mirrored: set vest.mirror = "back"',)
 
 
 def test_one_motor_is_lit_for_its_time_and_then_none_and_its_place_named(tmp_path, capsys) -> None:

@@ -22,7 +22,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO, Any, Final
 
-from tega.config.calibration.wearing import SITES, site_motors
+from tega.config.calibration.wearing import column_sites, site_motors
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.child_process import python_command, python_environment
 
@@ -69,7 +69,7 @@ class Participant:
     def __init__(self, move: Callable[[str], dict[str, Any]], seed: int = 0) -> None:
         self._move = move
         self._chance = random.Random(seed)
-        threshold = {site: self._chance.choice((9, 12, 15)) for site in SITES}
+        threshold = {site: self._chance.choice((9, 12, 15)) for site in column_sites("x40")}
         self._wearer = Wearer(lambda: move("vest")["history"], threshold)
         self._seen = "", ""
         self._n_tries = 0
@@ -261,7 +261,7 @@ class Wearer:
             lit = {k for k, v in enumerate(motors) if v}
             self.loudest = max(self.loudest, *motors)
             if lit and dark:
-                (site,) = [s for s in SITES if lit == set(site_motors(s))]
+                (site,) = [s for s in column_sites("x40") if lit == set(site_motors(s, "x40"))]
                 bursts.append((site, max(motors)))
             dark = not lit
         return bursts

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from tega.config.calibration.wearing import SITES, site_motors, site_place
+from tega.config.calibration.wearing import column_sites, site_motors, site_place
 from tega.devices.base import VestSink
 from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.haptics import Layout, MotorLevels, vest_frame
@@ -111,19 +111,17 @@ class Pulses:
 
     def sites(self, *, each_motor: bool) -> tuple[str, ...]:
         """Return the columns, or the motors, that this vest has."""
-        motors = self._silent.motors
         if each_motor:
-            return tuple(f"m{m}" for m in motors.tolist())
-        return tuple(site for site in SITES if np.isin(motors, site_motors(site)).any())
+            return tuple(f"m{m}" for m in self._silent.motors.tolist())
+        return column_sites(self.layout)
 
     def one(self, site: str, level: int) -> None:
         """Vibrate once; level 0 takes as long and does nothing."""
         percent = LEVEL_PERCENT[min(level, self.ceiling)]
-        lit = np.isin(self._silent.motors, site_motors(site))
+        lit = np.isin(self._silent.motors, site_motors(site, self.layout))
         frame = MotorLevels(self.layout, np.where(lit, np.uint8(percent), np.uint8(0)).astype(np.uint8))
-        show_frame(
-            self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=site_place(site)
-        )
+        subject = site_place(site, self.layout)
+        show_frame(self._vest, frame, duration_s=self._times.pulse_s, clock=self._clock, subject=subject)
 
     def pair(self, site: str, first: int, second: int) -> None:
         """Vibrate twice, with a gap."""

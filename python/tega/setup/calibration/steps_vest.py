@@ -17,7 +17,6 @@ from tega.config.calibration import TouchMaxima
 from tega.config.calibration.folder import device_name
 from tega.config.calibration.records import VestCalibration
 from tega.config.calibration.wearing import (
-    SITES,
     Wearing,
     judge_wearing,
     middle_sites,
@@ -61,22 +60,23 @@ class VestSteps:
 
     def places(self) -> Wearing:
         """Show every column once, in an order of chance, and ask where it is felt."""
-        answers = dict.fromkeys(SITES, "") | {"f4": "front", "b4": "back", "n": "nothing felt", "r": "again"}
         pulses = self._pulses
+        sites = pulses.sites(each_motor=False)
+        last = {site: "front" if site[0] == "f" else "back" for site in {s[0]: s for s in sites}.values()}
+        answers = dict.fromkeys(sites, "") | last | {"n": "nothing felt", "r": "again"}
+        columns = ", ".join(f"{site[0]}1 to {site} on the {face}" for site, face in last.items())
 
         def attempt() -> Wearing:
             self._guide.ready(
-                "Something will vibrate in one column at a time. Say where: f1 to f4 on the front, b1 to b4 on "
-                "the back, 1 at your own left"
+                f"Something will vibrate in one column at a time. Say where: {columns}, 1 at your own left"
             )
             places = {}
-            sites = pulses.sites(each_motor=False)
             for site in random.Random(self._seed).sample(sites, len(sites)):
                 with pulses.silence():
                     places[site] = self._requested(
                         "Where?", answers, partial(pulses.one, site, pulses.ceiling)
                     )
-            return judge_wearing(places)
+            return judge_wearing(places, pulses.layout)
 
         wearing, notes = until_good(self._guide, "vest: places", attempt, lambda w: w.notes)
         self._guide.say(f"vest: {wearing.n_right} of {wearing.n_asked} places named right", tone="good")
@@ -152,14 +152,14 @@ class VestSteps:
                 while (level := ladder.level) is not None:
                     share = (n_done + ladder.share) / len(ceilings)
                     bar = Bar(title, share, f"{n_done} of {len(ceilings)}")
-                    self._guide.show(f"{title}: {site_place(site)}", [bar], None)
+                    self._guide.show(f"{title}: {site_place(site, self._pulses.layout)}", [bar], None)
                     ladder.answer(felt=felt(site, level))
             found = ladder.result()
             done[site] = FeltSite(level=found.level or 0, n_false=found.n_false)
             self._journal.keep(f"vest.{title}", done)
             text = "nothing up to the ceiling" if found.level is None else f"{percent(found.level):.0f} %"
             tone = "warn" if found.level is None else "good"
-            self._guide.say(f"{site_place(site)}: {title} {text}", tone=tone)
+            self._guide.say(f"{site_place(site, self._pulses.layout)}: {title} {text}", tone=tone)
         return done
 
     def _requested(self, question: str, answers: Mapping[str, str], vibrate: Callable[[], None]) -> str:
@@ -229,7 +229,7 @@ def _record(
     guide.ready("Now two vibrations each time: say which is the stronger one")
     requested = sites
     if not choices.each_step:
-        requested = middle_sites({site: felt.level for site, felt in thresholds.items()})
+        requested = middle_sites({site: felt.level for site, felt in thresholds.items()}, layout)
     steps = lead.steps(requested, thresholds)
     record = VestCalibration(
         person=sitting.person,
@@ -243,7 +243,7 @@ def _record(
         threshold_percent=tuple(
             float(LEVEL_PERCENT[thresholds[s].level]) if thresholds[s].level else -1.0 for s in sites
         ),
-        step_percent=tuple(_step_percent(s, thresholds, steps) for s in sites),
+        step_percent=tuple(_step_percent(s, thresholds, steps, layout) for s in sites),
         step_sites=tuple(steps),
         named_right=where.n_right,
         named=where.n_asked,
@@ -255,9 +255,12 @@ def _record(
     return record
 
 
-def _step_percent(site: str, thresholds: Mapping[str, FeltSite], steps: Mapping[str, FeltSite]) -> float:
+def _step_percent(
+    site: str, thresholds: Mapping[str, FeltSite], steps: Mapping[str, FeltSite], layout: Layout
+) -> float:
     """Return a site's step, or that of its face where only that was looked for; -1 where there is none."""
-    measured = steps.get(site) or next((f for s, f in steps.items() if site_face(s) == site_face(site)), None)
+    face = site_face(site, layout)
+    measured = steps.get(site) or next((f for s, f in steps.items() if site_face(s, layout) == face), None)
     if measured is None or not measured.level or not thresholds[site].level:
         return -1.0
     return round(100 * measured.level / TOP_LEVEL, 2)
