@@ -31,6 +31,12 @@ pub enum Fault {
         /// What the settings say.
         wanted: &'static str,
     },
+    /// After a silence a hand of another serial number answers.
+    #[error("another hand answers, with another serial number than before")]
+    OtherHand,
+    /// The motors are off although this side has not switched them off.
+    #[error("the hand reports that its motors were switched off, and not by this program")]
+    MotorsOff,
     /// The hand reports a temperature fault.
     #[error("the hand reports a temperature fault (status bits {status:#07b}, palm {palm_c} °C)")]
     Reported {
@@ -101,6 +107,8 @@ impl Fault {
             Self::NoAnswer { .. } => "no-answer",
             Self::WrongVersion { .. } => "wrong-version",
             Self::WrongSide { .. } => "wrong-side",
+            Self::OtherHand => "other-hand",
+            Self::MotorsOff => "motors-off",
             Self::Reported { .. } => "reported",
             Self::TooHot { .. } => "too-hot",
             Self::NoPositions { .. } => "no-positions",
@@ -123,6 +131,10 @@ impl Fault {
                 "torque counts and angles mean something else there; this driver steers version 4 only"
             }
             Self::WrongSide { .. } => "set side in the driver's options to the hand that is mounted",
+            Self::OtherHand => {
+                "start again if this is the hand that is meant; each hand needs a bus of its own"
+            }
+            Self::MotorsOff => "end other programs that use the hand, look at its supply, then start again",
             Self::Reported { .. } | Self::TooHot { .. } => {
                 "let it cool with the power off, then use lower levels or shorter grips"
             }

@@ -107,6 +107,8 @@ pub struct HandLink {
     sets: PositionSets,
     heat: Heat,
     info: Option<Info>,
+    /// Whether the hand has confirmed, in this phase, that its motors are on.
+    motors_on: bool,
     serial: [u8; 8],
     angles_rad: Option<Joints>,
     torques: Joints,
@@ -147,6 +149,7 @@ impl HandLink {
             sets: PositionSets::default(),
             heat: Heat::default(),
             info: None,
+            motors_on: false,
             serial: [0; 8],
             angles_rad: None,
             torques: [0.0; JOINTS],
@@ -227,7 +230,7 @@ impl HandLink {
     }
 
     fn enter(&mut self, phase: Phase, t_ns: i64) {
-        self.phase = phase;
+        (self.phase, self.motors_on) = (phase, false);
         self.since_ns = Some(t_ns);
         if phase == Phase::Checking {
             // `tries` stays above zero until the hand has been sent what to report.

@@ -42,7 +42,7 @@ impl HandLink {
                 }
             }
             Report::Info(info) => self.identify(info, t_ns),
-            Report::Serial(serial) => self.serial = serial,
+            Report::Serial(serial) => self.recognise(serial, t_ns),
             Report::Imu(_) | Report::Status(_) => {}
         }
         None
@@ -58,7 +58,7 @@ impl HandLink {
             _ => "neither right nor left",
         };
         let wanted = if self.settings.left { "left" } else { "right" };
-        self.heat.warned = info.must_warn();
+        self.heat.take_status(info.must_warn(), t_ns);
         if self.phase == Phase::Identifying {
             // Until it is known to be the hand that was meant, again after every silence.
             self.info = None;
@@ -70,11 +70,24 @@ impl HandLink {
         } else if info.must_stop() && self.settings.torque {
             self.info = Some(info);
             self.fail(Fault::Reported { status: info.status, palm_c: info.palm_c }, t_ns);
+        } else if self.motors_on && !info.servo_on() {
+            self.info = Some(info);
+            self.fail(Fault::MotorsOff, t_ns);
         } else {
             self.info = Some(info);
+            self.motors_on = self.settings.torque && self.phase == Phase::Running && info.servo_on();
             if self.phase == Phase::Identifying {
                 self.enter(Phase::Checking, t_ns);
             }
+        }
+    }
+
+    /// Another hand on the same bus is not steered by what was found out of the first.
+    fn recognise(&mut self, serial: [u8; 8], t_ns: i64) {
+        if self.serial == [0; 8] || self.serial == serial {
+            self.serial = serial;
+        } else {
+            self.fail(Fault::OtherHand, t_ns);
         }
     }
 

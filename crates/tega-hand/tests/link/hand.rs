@@ -9,6 +9,10 @@ pub struct Hand {
     pub side: u8,
     pub status: u8,
     pub joint_c: u8,
+    pub index_c: Option<u8>,
+    pub missing_heat: Option<u32>,
+    pub serial: u8,
+    pub mute_info: bool,
     pub reports_temperature: bool,
     pub missing_finger: Option<usize>,
     pub mute: bool,
@@ -28,6 +32,10 @@ impl Default for Hand {
             side: 0,
             status: 0,
             joint_c: 40,
+            index_c: None,
+            missing_heat: None,
+            serial: b'R',
+            mute_info: false,
             reports_temperature: true,
             missing_finger: None,
             mute: false,
@@ -50,13 +58,17 @@ impl Hand {
         let mut out = Vec::new();
         for frame in frames {
             match (frame.id(), frame.is_remote()) {
+                (0x200, true) if self.mute_info => {}
                 (0x200, true) => {
                     let [h0, h1] = self.hardware.to_le_bytes();
                     let status = self.status | u8::from(self.servo_on);
                     out.push((0x200, vec![h0, h1, 6, 4, self.side, 50, status]));
                 }
-                (0x220, true) => out.push((0x220, b"A080R\0\0\0".to_vec())),
-                (id @ (0xE0 | 0xE4 | 0xE8 | 0xEC), true) => out.push((u32::from(id), vec![self.joint_c; 4])),
+                (0x220, true) => out.push((0x220, vec![b'A', b'0', b'8', b'0', self.serial, 0, 0, 0])),
+                (id @ (0xE0 | 0xE4 | 0xE8 | 0xEC), true) if self.missing_heat.is_none() => {
+                    out.push((u32::from(id), vec![self.joint_c; 4]));
+                }
+                (0xE0..=0xEC, true) => {}
                 (0x100, false) => self.servo_on = true,
                 (0x104, false) => self.servo_on = false,
                 (0x204, false) => self.told = frame.data()[0] == 3,
@@ -90,7 +102,11 @@ impl Hand {
             }
         }
         if self.reports_temperature && t_ms % 500 == 0 {
-            out.extend((0..4).map(|f| (0xE0 + 4 * f, vec![self.joint_c; 4])));
+            let index_c = self.index_c.unwrap_or(self.joint_c);
+            for f in (0..4).filter(|&f| self.missing_heat != Some(f)) {
+                let others = if f == 0 { index_c } else { self.joint_c };
+                out.push((0xE0 + 4 * f, vec![self.joint_c, others, others, others]));
+            }
         }
         out
     }

@@ -34,7 +34,7 @@ _START_S = 10.0
 _KEPT = 16_384
 # The hand's process reports its state 125 times a second.
 _UNHEARD_S = 0.1
-_REFUSED = frozenset({"wrong-version", "wrong-side"})
+_REFUSED = frozenset({"wrong-version", "wrong-side", "other-hand"})
 
 
 class Allegro(Opened):

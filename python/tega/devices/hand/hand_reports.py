@@ -172,7 +172,7 @@ class HandAlert:
             why = (
                 f"a joint is at {warmest_c} °C"
                 if warmest_c > _WARM_C
-                else "it warns, or reports no temperature"
+                else "it warns, or a temperature or its status is missing"
             )
             return f"hand: its torque is limited to {100 * state.heat_share:.0f} %: {why}"
         return ""
