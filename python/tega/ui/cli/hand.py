@@ -130,12 +130,19 @@ def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
 @click.option(
     "--seconds", type=FiniteRange(1, 45), default=10.0, show_default=True, help="How long to watch."
 )
+@click.option(
+    "--torque-share",
+    type=FiniteRange(0.01, 1),
+    default=0.3,
+    show_default=True,
+    help="Ceiling of every torque.",
+)
 @_hand_options
 @json_option
-def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
+def measure(*, seconds: float, torque_share: float, as_json: bool, **where: Any) -> None:
     """Run the 333 Hz loop with a new level every second, and report its timing and CPU load.
 
-    A real hand MOVES: keep clear of it.
+    A real hand MOVES: keep clear of it. The torque share is of the vendor's limits.
     """
     import msgspec
 
@@ -143,7 +150,7 @@ def measure(*, seconds: float, as_json: bool, **where: Any) -> None:
 
     # A loop without a hand behind it is to be watched when it is late, not to be ended.
     patience: dict[str, Any] = {"silent_after_ms": 500.0, "lowest_rate_hz": 0.0} if where["emulated"] else {}
-    with _opened(**patience, **where) as driver:
+    with _opened(torque_share=torque_share, **patience, **where) as driver:
         timing = time_loop(driver, seconds=seconds)
     if as_json:
         echo_json(msgspec.structs.asdict(timing))
