@@ -174,6 +174,17 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
     assert [event.kind for event in events_of(folder)][-1] == "trial_end"
 
 
+def test_a_trial_ends_although_the_disk_is_full(tmp_path, monkeypatch) -> None:
+    folder = study(tmp_path)
+    with Journal(events_path(folder, "p01")) as journal:
+        led = trial_led(folder, journal, StandingBench())
+        until(lambda: led.going.started_ns is not None or led.step([]))
+        monkeypatch.setattr(journal, "add", lambda *_, **__: (_ for _ in ()).throw(OSError("full")))
+        with pytest.raises(OSError, match="full"):
+            led.break_off("Ctrl-C")
+        assert led.going.over()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("last", [False, True])
 def test_a_trial_is_done_again_and_only_the_second_attempt_counts(*, last: bool, tmp_path: Path) -> None:

@@ -169,7 +169,7 @@ def test_a_trial_that_breaks_off_is_repeated_until_it_has_data(folder, capsys):
 
 
 def test_a_trial_is_given_up_by_key_and_the_end_says_so(folder, capsys):
-    desk = _Desk(["a", "z"], {"trial 1 of 2, again": "k"})
+    desk = _Desk(["A", "Z"], {"trial 1 of 2, again": "k"})
     lead_session(folder, "p01", StandingBench(), desk, time_scale=0.001)
     assert "give up trial 1" in desk.offered
     state = derive(read_plan(folder).of("p01"), read_events(events_path(folder, "p01")))

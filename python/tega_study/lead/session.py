@@ -301,7 +301,9 @@ class _Lead:
 
     def _received(self) -> list[str]:
         reported, typed = self._received_by_program(), self._desk.keys()
-        return [*(own for key in typed for own in self._pedals.get(key, (key,))), *reported]
+        # A stop is one with Caps Lock on, too.
+        keys = {self._answer_key: (self._answer_key,), **self._pedals}
+        return [*(own for key in typed for own in keys.get(key, (key.lower(),))), *reported]
 
     def _received_by_program(self) -> list[str]:
         """Return what another program has pressed; a question is answered by a person, whatever it presses."""

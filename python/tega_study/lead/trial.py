@@ -122,13 +122,14 @@ class LedTrial:
 
     def break_off(self, why: str) -> None:
         """End the trial now for technical reasons, such as Ctrl-C."""
+        t_s = self.going.elapsed_s()
+        self._stop_bench()  # before anything is written: the disk may be full
         if self.going.started_ns is None:
-            self._stop_bench()
             self.phase, self.broke = "over", why
         elif self.phase != "over":
             if self.phase != "trial":
                 self._begin(self.going.started_ns)
-            self._finish(_TrialEnd(self.going.elapsed_s(), "aborted_technical", why))
+            self._finish(_TrialEnd(t_s, "aborted_technical", why))
 
     def _before(self, keys: list[str]) -> bool:
         going = self.going
