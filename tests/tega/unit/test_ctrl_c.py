@@ -1,4 +1,4 @@
-"""What each of several Ctrl-C does while a run ends."""
+"""What each of several Ctrl-C does while a run ends, and that a key stops it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from reference.processes import until
 from tega.safety import stop as stopping
+from tega.ui.cli.options import stop_keys
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals as on Linux and macOS")
@@ -34,3 +36,14 @@ def test_one_of_several_interrupts_and_no_other(monkeypatch: pytest.MonkeyPatch,
         os.kill(os.getpid(), signal.SIGINT)
         assert stop()
         assert stop.reason == first.replace("at once", "Ctrl-C")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX terminals")
+def test_the_space_bar_stops_although_the_output_goes_to_a_file(monkeypatch) -> None:
+    keys, terminal = os.openpty()
+    with os.fdopen(keys, "w") as typed, os.fdopen(terminal) as read:
+        monkeypatch.setattr(sys, "stdin", read)
+        with stop_keys(stop := stopping.Stop()):
+            typed.write(" ")
+            typed.flush()
+            until(stop)

@@ -170,11 +170,9 @@ def worn_by(person: str | None, sets: tuple[str, ...]) -> tuple[str, ...]:
 
 
 @contextmanager
-def stop_keys(
-    stop: AnyStop, *, enabled: bool = True, others: Mapping[str, Callable[[], None]] = {}
-) -> Iterator[None]:
-    """Let the space bar and q ask for the end, where there is a terminal to press them on."""
-    if not enabled or not (sys.stdin.isatty() and sys.stderr.isatty()):
+def stop_keys(stop: AnyStop, *, others: Mapping[str, Callable[[], None]] = {}) -> Iterator[None]:
+    """Let the space bar and q ask for the end where a terminal sends keys, wherever the output goes."""
+    if not sys.stdin.isatty():
         yield
         return
     from tega.runtime.keys import Keys

@@ -138,7 +138,7 @@ def play(
     with (
         annotating as annotate,
         CtrlC() as stop,
-        stop_keys(stop, enabled=not as_json),
+        stop_keys(stop),
         stage(heading, enabled=not as_json, config=config) as (progress, display),
     ):
         bus = Bus()

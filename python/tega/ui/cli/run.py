@@ -157,7 +157,7 @@ def run_settings(
     others = {REZERO_KEY: RezeroKey(bus).press}
     with (
         CtrlC() as stop,
-        stop_keys(stop, enabled=not as_json, others=others),
+        stop_keys(stop, others=others),
         stage(f"TEGA · {config.name}{keys}", enabled=not as_json, config=settings) as (progress, display),
         ExitStack() as displayed,
     ):
