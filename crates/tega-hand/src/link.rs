@@ -109,6 +109,8 @@ pub struct HandLink {
     info: Option<Info>,
     /// Whether the hand has confirmed, in this phase, that its motors are on.
     motors_on: bool,
+    /// Sets counted when they were reported off after that.
+    off_sets: Option<u64>,
     serial: [u8; 8],
     angles_rad: Option<Joints>,
     torques: Joints,
@@ -150,6 +152,7 @@ impl HandLink {
             heat: Heat::default(),
             info: None,
             motors_on: false,
+            off_sets: None,
             serial: [0; 8],
             angles_rad: None,
             torques: [0.0; JOINTS],

@@ -14,6 +14,8 @@ const PLAUSIBLE_RAD: f64 = 0.25;
 const JUMP_RAD: f64 = 0.3;
 /// A jump counts two and a set without one takes one off: ten in a row are too many, and so is every other one.
 const TOO_JUMPY: u32 = 20;
+/// After so many sets since the motors were reported off they are not off because the hand was let go.
+const OFF_SETS: u64 = 34;
 /// Still to the last count for this long, while the target moved this far, is not a hand that is blocked.
 const STILL_NS: i64 = 300 * MS;
 const MOVED_RAD: f64 = 0.15;
@@ -70,15 +72,22 @@ impl HandLink {
         } else if info.must_stop() && self.settings.torque {
             self.info = Some(info);
             self.fail(Fault::Reported { status: info.status, palm_c: info.palm_c }, t_ns);
-        } else if self.motors_on && !info.servo_on() {
-            self.info = Some(info);
-            self.fail(Fault::MotorsOff, t_ns);
         } else {
             self.info = Some(info);
-            self.motors_on = self.settings.torque && self.phase == Phase::Running && info.servo_on();
+            self.watch_motors(info.servo_on(), t_ns);
             if self.phase == Phase::Identifying {
                 self.enter(Phase::Checking, t_ns);
             }
+        }
+    }
+
+    /// A hand whose motors are switched off while it goes on reporting was not let go by this side or its guard.
+    fn watch_motors(&mut self, on: bool, t_ns: i64) {
+        if on || !self.motors_on {
+            self.motors_on = on && self.settings.torque && self.phase == Phase::Running;
+            self.off_sets = None;
+        } else if self.counts.sets - *self.off_sets.get_or_insert(self.counts.sets) > OFF_SETS {
+            self.fail(Fault::MotorsOff, t_ns);
         }
     }
 

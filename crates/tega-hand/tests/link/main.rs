@@ -284,7 +284,14 @@ fn a_hand_that_is_not_the_one_that_was_switched_on_is_let_go() {
     let mut bench = Bench::running();
     bench.run(1000);
     bench.hand.servo_on = false; // its own doing, or another program's
-    bench.lets_go(510, "motors-off");
+    bench.lets_go(1010, "motors-off");
+    // Its guard has let go of the hand: with this patience the link finds that out by the silence alone.
+    let patient = LinkSettings { silent_after_ns: 2000 * MS, lowest_rate_hz: 0.0, ..LinkSettings::default() };
+    let mut bench = Bench::with(Hand::default(), patient);
+    bench.run(1600);
+    (bench.hand.servo_on, bench.hand.told) = (false, false);
+    bench.run(5000);
+    assert_eq!((bench.link.phase(), bench.link.counts().silences), (Phase::Running, 1));
 }
 
 #[test]
