@@ -14,7 +14,7 @@ from tega.arm.pose import Pose
 from tega.arm.settings import FilterSettings, MappingSettings
 from tega.config import SessionConfig
 from tega.config.sections import ArmConfig
-from tega.devices.base import SteeredHand, optional
+from tega.devices.base import SteeredHand, WatchedHand, optional
 from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.hand import CLOSURE_POSES_RAD
@@ -157,6 +157,8 @@ class _Opening:
             self._closure, self._open_rad = ClosureScale(poses_rad), poses_rad[0]
             if isinstance(made, SteeredHand):
                 self._hand = stack.enter_context(made)
+                if isinstance(made, WatchedHand):
+                    made.watched = True
 
     @property
     def is_open(self) -> bool:

@@ -125,13 +125,13 @@ OF_DEVICES: Final = (
     ),
     Guard(
         "a late loop goes on as if nothing were",
-        "hazards/test_lost::a_late_loop_holds_and_the_vest_rests_meanwhile",
+        "hazards/test_lost::a_late_loop_holds_and_vest_and_hand_rest_meanwhile",
         "        return late_ns > self._late_ns and bool(self._streams or self._vests)",
         "        return False",
     ),
     Guard(
         "the vest has no watchdog",
-        "hazards/test_lost::a_late_loop_holds_and_the_vest_rests_meanwhile",
+        "hazards/test_lost::a_late_loop_holds_and_vest_and_hand_rest_meanwhile",
         "WATCHDOG_S: Final = 0.2",
         "WATCHDOG_S: Final = 1e6",
     ),
@@ -158,6 +158,11 @@ OF_DEVICES: Final = (
         "hazards/test_stamps::a_killed_or_stuck_run_or_process_of_the_hand_is_let_go_of[run-stuck]",
         "return self._n_words, time.monotonic() - self._last_s",
         "return time.monotonic_ns(), 0.0",
+    ),
+    Guard(
+        "a loop that hangs leaves the hand pushing",
+        "hazards/test_lost::a_late_loop_holds_and_vest_and_hand_rest_meanwhile",
+        "            model.watched = True  # a loop that hangs must not leave it pushing",
     ),
     Guard(
         "it does not see a standstill",

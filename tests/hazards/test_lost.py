@@ -15,6 +15,8 @@ from typing import Any, Final
 import pytest
 
 from hazards.bench import LONGEST_S, Lab, closed, column, lab, states
+from hazards.test_stop import whole
+from reference.hand_bench import pushes
 from reference.processes import hand_guards, until
 from tega.devices.hand.allegro import Allegro
 from tega.devices.hand.allegro_options import AllegroOptions
@@ -211,25 +213,26 @@ def test_a_lost_vest_is_told_and_the_run_goes_on_or_holds(tmp_path: Path, then: 
         made.until(made.at_rest)
 
 
-def test_a_late_loop_holds_and_the_vest_rests_meanwhile(tmp_path: Path) -> None:
+def test_a_late_loop_holds_and_vest_and_hand_rest_meanwhile(tmp_path: Path) -> None:
     hang_now, hanging, rested = threading.Event(), threading.Event(), threading.Event()
-    with lab(tmp_path, vest=True, fingers=("thumb",), safety={"late_ms": 400.0}) as made:
+    with whole(tmp_path, safety={"late_ms": 400.0}) as made:
+        made.tree["hand"]["options"]["reconnects"] = 5
 
         def hang(_view: object) -> None:
             if hang_now.is_set() and not hanging.is_set():
                 hanging.set()
                 time.sleep(1.0)
-                # Nothing but the vest's own watchdog can let it rest now.
+                # Nothing but the watchdogs of vest and hand can let them rest now.
                 assert rested.wait(LONGEST_S)
 
         with made.session(observe=hang):
-            made.until(lambda: made.state == "active" and column(made, 0))
+            made.until(lambda: made.state == "active" and column(made, 0) and closed(made))
             hang_now.set()
             made.until(hanging.is_set)
-            made.until(lambda: not column(made, 0))
+            made.until(lambda: not column(made, 0) and made.limp())
             rested.set()
             made.until(lambda: "hold" in states(made))
-            made.until(lambda: made.state == "active" and column(made, 0))
+            made.until(lambda: made.state == "active" and column(made, 0) and pushes(made.hand))
     assert rested.is_set()
     late = next(change for change in made.changes if change.state == "hold")
     assert "ms late" in late.reason

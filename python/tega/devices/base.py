@@ -85,10 +85,7 @@ class DiscoveringDevice(Protocol):
 
     @classmethod
     def discover(cls, timeout_s: float) -> Sequence[Found]:
-        """List the driver's devices; opens none, and sends nothing that changes a device's state.
-
-        Looking takes ``timeout_s`` at most; if it fails, the message of the error gives the reason.
-        """
+        """List the devices found within ``timeout_s``; opens none and changes none; an error has the reason."""
 
 
 @runtime_checkable
@@ -222,11 +219,11 @@ which a run shows as an alert; ``marked``, events in a recording, each a :class:
 hand: ``problem``, its current problem, ``""`` if there is none, which a run also shows; ``guard_problem``, the reason
 why no other process would switch its motors off if this program were killed, and ``unsteered``, the reason why it does
 not follow commands now, each of which holds a run; ``silent``, whether its joint angles are older than its watchdog
-allows, which disables slip detection; ``target_rad``, the joint angles
-that it steers to, float64 (16,), rad, drawn beside the measured ones. A vest: ``reached``, whether
-frames arrive; ``spared``, number of frames skipped because the vest showed them already; ``in_steps``, whether it
-shows only 16 steps; ``condition``, its own status, one line that a run shows; ``battery_percent``, its battery;
-``confirmed_rest``, whether it is closed and has confirmed that its motors rest. Any driver that looks for devices:
+allows, which disables slip detection; ``target_rad``, the joint angles that it steers to, float64 (16,), rad, drawn
+beside the measured ones. A vest: ``reached``, whether frames arrive; ``spared``, number of frames skipped because the
+vest showed them already; ``in_steps``, whether it shows only 16 steps; ``condition``, its own status, one line that a
+run shows; ``battery_percent``, its battery; ``confirmed_rest``, whether it is closed and has confirmed that its motors
+rest. Any driver that looks for devices:
 ``unseen``, what it means that it found none; ``likelihood``, the larger the likelier among drivers that found one.
 """
 
@@ -301,6 +298,13 @@ class WarmingHand(SteeredHand, Protocol):
 
     def warm_up(self) -> None:
         """Start slow preparations that touch no device; returns at once. ``open`` or ``close`` follows."""
+
+
+@runtime_checkable
+class WatchedHand(Protocol):
+    """A hand that is let go while calls of ``step`` stop for a second; optional, set where a loop makes them."""
+
+    watched: bool
 
 
 @runtime_checkable

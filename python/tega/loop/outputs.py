@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol, TypeVar
 
 from tega import records
-from tega.devices.base import VestSink, optional
+from tega.devices.base import VestSink, WatchedHand, optional
 from tega.hand import split_level
 from tega.haptics import MotorLevels
 from tega.loop.hand import Hand, fresh_angles_rad
@@ -45,6 +45,8 @@ class HandOutput:
     ) -> None:
         self._model, self._sinks, self._bus = model, sinks, bus
         self._reflex, self._trace = reflex, trace
+        if isinstance(model, WatchedHand):
+            model.watched = True  # a loop that hangs must not leave it pushing
         self._frames: Sequence[CanFrame] = ()
         self.level: float = 0
         self.wants_events = reflex is not None and reflex.reflex.wants_events

@@ -69,6 +69,8 @@ class Allegro(Opened):
         self._received_s = 0.0
         self._ready = threading.Event()
         self._alert = HandAlert()
+        self.watched = False
+        """Whether the hand is let go while no :meth:`step` is called for a second, from the first call on."""
         self._sent: deque[CanFrame] = deque(maxlen=_KEPT)
         self._cycles: deque[tuple[int, int]] = deque(maxlen=_KEPT)
         self.on_exchange: Callable[[HandSpoken], None] | None = None
@@ -214,7 +216,7 @@ class Allegro(Opened):
             raise InvalidValueError(f"level = {level} is out of range: 1 (open) to 5 (tight)")
         if not 0 <= added <= MOST_ADDED_LEVELS:
             raise InvalidValueError(f"added = {added} levels is out of range: 0 to {MOST_ADDED_LEVELS:g}")
-        self._check().say(level, added)
+        self._check().say(level, added, alone=self.watched)
         return self._taken()
 
     def limp(self) -> list[CanFrame]:

@@ -51,6 +51,7 @@ class HandProcess:
         self._process: subprocess.Popen[bytes] | None = None
         self._thread: threading.Thread | None = None
         self._word: tuple[float, float] = (1, 0.0)
+        self._alone = False
         self._text_s = self._received_s = self._looked_s = self._since_s = 0.0
         self._broke = ""
         self._news: HandNews | None = None
@@ -106,8 +107,12 @@ class HandProcess:
         self._thread = threading.Thread(target=self._receive, args=(text,), name="allegro", daemon=True)
         self._thread.start()
 
-    def say(self, level: float, added: float = 0.0) -> None:
-        """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once."""
+    def say(self, level: float, added: float = 0.0, *, alone: bool = False) -> None:
+        """Set the level and its addition, or with ``LET_GO`` release the hand; returns at once.
+
+        With ``alone`` nothing but the next call says that this program does not stand still.
+        """
+        self._alone = alone
         if (level, added) != self._word or time.monotonic() - self._text_s >= WORD_S:
             self._word = level, added
             self._write()
@@ -164,7 +169,7 @@ class HandProcess:
                 if reported:  # else that it goes on
                     self._news = reported[1]
                     self._notify(*reported)
-                if self._received_s - self._text_s >= WORD_S:
+                if self._received_s - self._text_s >= WORD_S and not self._alone:
                     self._write()
         except (EOFError, OSError):
             process = self._process
