@@ -68,8 +68,10 @@ def show(*, as_json: bool, **where: Any) -> None:
     from tega.hand import JOINT_NAMES
 
     with _opened(torque=False, **where) as driver:
-        time.sleep(1.2)  # temperatures come every half second, the version once a second
-        driver.step(1)
+        until_s = time.monotonic() + 1.2  # temperatures come every half second
+        while time.monotonic() < until_s or driver.silent:  # of a silent hand angles are old
+            driver.step(1)
+            time.sleep(0.01)
         state, angles = driver.state(), driver.angles_rad
     if as_json:
         joints = {
@@ -111,7 +113,8 @@ def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s or len(read) < 10:
             driver.step(1)
-            read.append(driver.angles_rad)
+            if not driver.silent:
+                read.append(driver.angles_rad)
             time.sleep(0.005)
     angles = np.array(read)
     spread = float(np.ptp(np.percentile(angles, [3, 97], axis=0), axis=0).max())  # noise apart
