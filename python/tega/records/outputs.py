@@ -72,6 +72,7 @@ class HandExchange(Record, frozen=True, kw_only=True):
         t_ns: Time on the machine's monotonic clock, as it was passed to the link.
         level: Closure level asked for, or the nearest.
         received: Frames received since the last exchange.
+        sent: Frames given to the adapter, also those that it did not take, which an alert reports.
         action: ``exchange``, ``release`` or ``abandon``.
         closure: From 0 (open) to 1 (closed), where it lies between two levels.
         added: Addition of a reflex to the level.
