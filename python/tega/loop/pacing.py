@@ -20,6 +20,7 @@ from tega.runtime.threads import Bell
 
 # A tick this late is made up for; beyond it, a burst of old commands would do more harm than a gap.
 CATCH_UP_NS = 100_000_000
+_HANGS_NS = 1_000_000_000
 # A tick later than this, one of the hand, is an overrun.
 _OVERRUN_NS = 3_000_000
 
@@ -55,6 +56,11 @@ class Pacer:
     def elapsed_ns(self) -> int:
         """Return the time since the start."""
         return self._clock.now_ns() - self.start_ns
+
+    @property
+    def hangs(self) -> bool:
+        """Whether the loop has come to no tick for a second; asked in another thread."""
+        return self.elapsed_ns() - self.tick_ns > _HANGS_NS
 
     def doze(self, t_ns: int) -> int:
         """Wait for a deadline, or until something comes before it; return the time then, else the deadline."""

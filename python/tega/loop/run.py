@@ -81,7 +81,7 @@ def run_loop(stack: ExitStack, rig: Rig, *, clock: Clock, controls: Controls) ->
     if trace is not None and trace.motor is not None:  # after the recorder has begun
         rig.bus.publish(Value(t_ns=0, name=trace.motor.stage, value=trace.motor.ms))
     if rig.steering is not None:
-        rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active")
+        rig.steering.start(rig.bus, start_ns, may_move=lambda: guard.state == "active" and not pacer.hangs)
         flows.callback(rig.steering.stop)
     streams = StreamMaker(flows, rig.bus, start_ns=start_ns, trace=trace, bell=bell)
     reflex = open_reflex(

@@ -7,6 +7,7 @@ import math
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,9 +19,11 @@ from typing import Any
 import pytest
 
 from reference.parts import Running
-from reference.processes import begun_by
+from reference.processes import begun_by, until
 from tega.arm import StampedPose
 from tega.config import check_tree
+from tega.loop.snapshot import Snapshot
+from tega.records import ArmTurn
 from tega_emulators.lab import EmulatedLab, emulated_lab
 from tega_emulators.process import Emulator
 from tega_emulators.scripted_poses import write_poses
@@ -159,6 +162,20 @@ def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
         run.starts("following")
         lab.emg.say("freeze 1")
         run.starts("holding: the run is not active")
+
+
+@pytest.mark.slow
+def test_a_loop_that_hangs_holds_the_arm(tmp_path: Path) -> None:
+    goes_on, turns = threading.Event(), list[ArmTurn]()
+    goes_on.set()
+    with running(tmp_path) as run:
+        run.bus.subscribe(Snapshot, lambda _: goes_on.wait())
+        run.bus.subscribe(ArmTurn, turns.append)
+        run.hold()
+        goes_on.clear()
+        until(lambda: turns[-1].state == "holding")
+        goes_on.set()
+        run.starts("following")
 
 
 @pytest.mark.slow
