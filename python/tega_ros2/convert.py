@@ -57,7 +57,8 @@ class Converter:
                 "export it as csv",
             )
         kind = self.definitions.own(message.value.DESCRIPTOR)
-        header = self._header(self._own_ns(message), _finger(message.topic))
+        stamp = self._time(self._own_ns(message))
+        header = self._types["std_msgs/msg/Header"](stamp=stamp, frame_id=_finger(message.topic))
         own = Converted(message.topic, kind, self._own(message.value, kind, header=header))
         return [own, *self._beside(message, header)]
 
@@ -131,9 +132,6 @@ class Converter:
                 "inspect the recording: one of its times is wrong",
             )
         return self._types["builtin_interfaces/msg/Time"](sec=seconds, nanosec=rest_ns)
-
-    def _header(self, t_ns: int, frame: str) -> Any:
-        return self._types["std_msgs/msg/Header"](stamp=self._time(t_ns), frame_id=frame)
 
     def _fields(self, message: Message) -> dict[str, Any]:
         value = message.value

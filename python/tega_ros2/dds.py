@@ -29,11 +29,6 @@ _OCTETS: Final = {"byte": "uint8", "octet": "uint8", "char": "uint8"}
 _domains: WeakValueDictionary[int, Any] = WeakValueDictionary()
 
 
-def _bytes_of(sample: Any, **_how: Any) -> bytes:
-    """Return the CDR bytes of a sample, the header of the encapsulation first."""
-    return bytes(sample.cdr)
-
-
 def _sample_of(kind: Any, /, data: bytes, **_how: Any) -> Any:
     sample = kind.__new__(kind)
     sample.cdr = data
@@ -118,7 +113,7 @@ class DdsNode:
             dds_name = f"{package}.msg.dds_.{name}_"
             made = self._idl.make_idl_struct(f"{name}_", dds_name, fields)
             # Samples are written and read as the CDR bytes that they are, without a second conversion.
-            made.serialize = _bytes_of
+            made.serialize = lambda sample, **_how: bytes(sample.cdr)
             made.deserialize = made.deserialize_key = classmethod(_sample_of)
             self._types[kind] = made
         return made

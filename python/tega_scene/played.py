@@ -122,17 +122,13 @@ def followed_scene(path: Path, bus: Bus, *, start_ns: int, end_ns: int) -> Follo
 
 
 def _cameras(path: Path, keys: Mapping[str, Iterable[int]], zero_ns: int, bus: Bus) -> dict[str, Follower]:
-    late, found = camera_delays(path), dict[str, Follower]()
+    late = {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
+    found = dict[str, Follower]()
     for topic, times_ns in keys.items():
         delay_ns = late.get(topic, 0)
         keys_ns = [time_ns - zero_ns - delay_ns for time_ns in times_ns]
         found[topic] = PlayedCamera(topic, keys_ns, bus, delay_ns=delay_ns)
     return found
-
-
-def camera_delays(path: Path) -> dict[str, int]:
-    """Return how late the cameras of a recording are, nanoseconds, by topic, where that was estimated."""
-    return {f"/scene/{name}/video": offset.late_ns for name, offset in read_offsets(path).items()}
 
 
 class PlayedScene:

@@ -34,17 +34,14 @@ def above(mean: float, sd: float, x: float, var: float, floor: float) -> tuple[f
     z = (x - mean) / u
     rest = 1 - normal_cdf(z)
     k = math.exp(-z * z / 2) / math.sqrt(2 * math.pi) / rest if rest > 1e-12 else z
-    return mean + sd * sd / u * k, _narrowed(sd, u, k * (k - z), floor)
+    narrowed = math.sqrt(max(sd * sd * (1 - sd * sd / (u * u) * (k * (k - z))), 0.0))
+    return mean + sd * sd / u * k, max(narrowed, floor)
 
 
 def below(mean: float, sd: float, x: float, var: float, floor: float) -> tuple[float, float]:
     """Update a Gaussian on learning that it lies below ``x``: the mirror of :func:`above`."""
     mirrored, narrowed = above(-mean, sd, -x, var, floor)
     return -mirrored, narrowed
-
-
-def _narrowed(sd: float, u: float, factor: float, floor: float) -> float:
-    return max(math.sqrt(max(sd * sd * (1 - sd * sd / (u * u) * factor), 0.0)), floor)
 
 
 # The curve is kept at these closures, levels, straight in between.

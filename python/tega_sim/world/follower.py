@@ -51,11 +51,6 @@ _TORQUES_NM: Final = (87, 87, 87, 87, 12, 12, 12)
 _STIFFNESS_NM: Final = (12000, 12000, 12000, 12000, 4000, 4000, 4000)
 
 
-def arm_joint_names() -> list[str]:
-    """Return the seven joints' names in the model."""
-    return [f"arm{joint}" for joint in range(1, 8)]
-
-
 def arm_body(inside: str) -> str:
     """Return the arm's bodies, with ``inside`` bolted to the flange."""
     x, y, z, yaw = _BASE
@@ -79,10 +74,10 @@ def arm_body(inside: str) -> str:
 def arm_actuators() -> str:
     """Return one servo a joint, within the arm's torque: its input is the speed at which the set angle moves."""
     return "".join(
-        f'<intvelocity name="{name}" joint="{name}" kp="{stiffness}" dampratio="1" '
+        f'<intvelocity name="arm{number}" joint="arm{number}" kp="{stiffness}" dampratio="1" '
         f'actrange="{low} {high}" forcerange="{-torque} {torque}"/>'
-        for name, stiffness, torque, (low, high) in zip(
-            arm_joint_names(), _STIFFNESS_NM, _TORQUES_NM, ARM_LIMITS_RAD, strict=True
+        for number, stiffness, torque, (low, high) in zip(
+            range(1, 8), _STIFFNESS_NM, _TORQUES_NM, ARM_LIMITS_RAD, strict=True
         )
     )
 

@@ -76,7 +76,10 @@ class World:
         mujoco.mj_forward(model, data)
         self._touch = PadContacts(mujoco, model, data)
         self._witness: Witness | None = None
-        self._hold_still(_SETTLE_S)
+        for _ in range(round(_SETTLE_S / self._step_s)):  # the object settles, the hand is held by its joints
+            error = GRASP_POSES_RAD[0] - self.angles_rad
+            self.set_torques(1.5 * error - 0.08 * self.velocities_rad_s)
+            self.step(1)
         self._witness = Witness(model, data, spec, self._touch, self._body)
         self._steps = 0
         self._drawn = np.flatnonzero(model.geom_rgba[:, 3] > 0)
@@ -246,13 +249,6 @@ class World:
         self.data.qfrc_applied[:7] = self._hand_weight_n * self._jacobian[2, :7]
         if self._witness is not None:
             self._witness.watch()
-
-    def _hold_still(self, seconds: float) -> None:
-        """Let the object settle with the hand held by its joints."""
-        for _ in range(round(seconds / self._step_s)):
-            error = GRASP_POSES_RAD[0] - self.angles_rad
-            self.set_torques(1.5 * error - 0.08 * self.velocities_rad_s)
-            self.step(1)
 
     def _palm_speed_m_s(self) -> float:
         kind = self.mujoco.mjtObj.mjOBJ_SITE

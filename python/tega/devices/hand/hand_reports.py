@@ -91,8 +91,7 @@ class HandOrders:
     def lose(self) -> None:
         """Take note that the run is no more."""
         self.gone = True
-        self.leaving.set()
-        self._word.set()
+        self.leave(self.reason)
 
     def pulse(self) -> tuple[int, float]:
         """Return how many words came, and for how long none has, seconds."""

@@ -134,11 +134,7 @@ def teach(*, file: Path, level: int, seconds: float, **where: Any) -> None:
     "--seconds", type=FiniteRange(1, 45), default=10.0, show_default=True, help="How long to watch."
 )
 @click.option(
-    "--torque-share",
-    type=FiniteRange(0.01, 1),
-    default=0.3,
-    show_default=True,
-    help="Ceiling of every torque.",
+    "--torque-share", type=FiniteRange(0.01, 1), default=0.3, show_default=True, help="Torque ceiling."
 )
 @_hand_options
 @json_option

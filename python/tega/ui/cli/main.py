@@ -184,7 +184,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if words and (now := _EARLIER.get(words[0])):
         click.echo(f"note: {words[0]} is now: tega-teleop {now}", err=True)
         words[:1] = now.split()
-    show_warnings(_warn)
+    show_warnings(lambda message, hint: click.echo(printable(f"warning: {message}\nhint: {hint}"), err=True))
     try:
         result: Any = cli.main(args=words, prog_name="tega-teleop", standalone_mode=False)
     except click.UsageError as error:
@@ -234,10 +234,6 @@ def _author(error: BaseException) -> str:
     """Return the package of the feature in whose code, or by whose call, an error arose; ``""`` for TEGA's own."""
     modules = [str(frame.f_globals.get("__name__")) for frame, _ in traceback.walk_tb(error.__traceback__)]
     return next((feature.package for one in reversed(modules) if (feature := author_of(one))), "")
-
-
-def _warn(message: str, hint: str) -> None:
-    click.echo(printable(f"warning: {message}\nhint: {hint}"), err=True)
 
 
 def _notify(message: str, hint: str, *, debug: bool) -> None:
