@@ -166,15 +166,14 @@ def test_muscles_that_are_lost_hold_the_arm(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_loop_that_hangs_holds_the_arm(tmp_path: Path) -> None:
-    goes_on, turns = threading.Event(), list[ArmTurn]()
-    goes_on.set()
+    hangs, turns = threading.Event(), list[ArmTurn]()
     with running(tmp_path) as run:
-        run.bus.subscribe(Snapshot, lambda _: goes_on.wait())
+        run.bus.subscribe(Snapshot, lambda _: until(lambda: not hangs.is_set()))
         run.bus.subscribe(ArmTurn, turns.append)
         run.hold()
-        goes_on.clear()
+        hangs.set()
         until(lambda: turns[-1].state == "holding")
-        goes_on.set()
+        hangs.clear()
         run.starts("following")
 
 

@@ -41,9 +41,8 @@ def test_one_of_several_interrupts_and_no_other(monkeypatch: pytest.MonkeyPatch,
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX terminals")
 def test_the_space_bar_stops_although_the_output_goes_to_a_file(monkeypatch) -> None:
     keys, terminal = os.openpty()
-    with os.fdopen(keys, "w") as typed, os.fdopen(terminal) as read:
+    with os.fdopen(keys, "wb", buffering=0) as typed, os.fdopen(terminal) as read:
         monkeypatch.setattr(sys, "stdin", read)
         with stop_keys(stop := stopping.Stop()):
-            typed.write(" ")
-            typed.flush()
+            typed.write(b" ")
             until(stop)

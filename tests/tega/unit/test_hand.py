@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,6 @@ from tega.hand import (
     JOINT_NAMES,
     LEVEL_TORQUE_FACTORS,
     MOST_ADDED_LEVELS,
-    TICK_S,
     TORQUE_LIMITS,
     HandController,
     JointModel,
@@ -34,31 +32,6 @@ def test_constants_have_the_hands_shape_and_cannot_be_changed() -> None:
     assert (JOINT_NAMES[0], JOINT_NAMES[5], JOINT_NAMES[15]) == ("index_j0", "middle_j1", "thumb_j3")
     for constant in (CLOSURE_POSES_RAD, JOINT_LIMITS_RAD, TORQUE_LIMITS, LEVEL_TORQUE_FACTORS):
         assert not constant.flags.writeable
-
-
-def _seconds_to_half_a_level(
-    rise_levels_per_s: float, reported: Callable[[float], tuple[float, float]]
-) -> float:
-    """Return after how long a hand on level 3 that is told a growing addition has half a level in its targets."""
-    controller, n = HandController(), 0
-    controller.step(CLOSURE_POSES_RAD[2], 3)
-    half = (CLOSURE_POSES_RAD[2] + CLOSURE_POSES_RAD[3])[1] / 2
-    while n < 1000:
-        n += 1
-        level, added = reported(min(rise_levels_per_s * n * TICK_S, 1.0))
-        controller.step(CLOSURE_POSES_RAD[2], level, added=added)
-        target = controller.target_rad
-        assert target is not None
-        if target[1] >= half - 1e-9:
-            break
-    return n * TICK_S
-
-
-def test_half_a_level_of_an_addition_is_in_the_targets_within_120_ms_where_a_move_takes_half_a_second():
-    for rise, seconds in ((10.0, 0.081), (5.0, 0.111)):
-        assert _seconds_to_half_a_level(rise, lambda added: (3.0, added)) == pytest.approx(seconds)
-        move_s = _seconds_to_half_a_level(rise, lambda added: (3.0 + added, 0.0))
-        assert move_s == pytest.approx(0.5, abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -112,22 +85,6 @@ def test_any_stride_and_kind_of_numbers_is_taken() -> None:
     assert HandController().step([0] * 16, 1).shape == (16,)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, 2.92, -3.2])
-def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
-    controller = HandController()
-    for _ in range(100):
-        moving = controller.step(OPEN, 5)
-    assert np.abs(moving).max() > 0.05
-    out = moving.copy()
-    broken = OPEN.copy()
-    broken[6] = bad
-    with pytest.raises(InvalidValueError, match="angles_rad of middle_j2 = ") as caught:
-        controller.step(broken, 5, out=out)
-    assert "zero torque" in caught.value.hint
-    assert out.tolist() == [0.0] * 16
-    assert np.abs(controller.step(OPEN, 5)).max() <= 0.05
-
-
 @pytest.mark.parametrize(
     ("angles", "more", "error", "says"),
     [
@@ -138,6 +95,7 @@ def test_an_impossible_angle_gives_no_torque(bad: float) -> None:
         (OPEN, {"out": np.zeros(16, np.float32)}, DtypeError, "out is float32"),
         (OPEN, {"out": np.zeros(17)}, ShapeError, "out has shape"),
         (OPEN, {"out": OPEN}, InvalidValueError, "read-only"),
+        (OPEN + 3, {}, InvalidValueError, "angles_rad of index_j0 = "),
         (
             OPEN,
             {"velocities_rad_s": np.full(16, np.nan)},
@@ -196,16 +154,11 @@ def test_whatever_is_raised_no_torque_is_left_to_be_sent() -> None:
     assert not torques.any()
 
 
-def test_the_model_stops_at_the_stops_and_refuses_nan() -> None:
-    model = JointModel(np.full(16, 2.9))
-    np.testing.assert_array_equal(model.angles_rad, JOINT_LIMITS_RAD[:, 1] + 0.1)
-    for _ in range(400):
-        angles = model.step(np.full(16, -1.0))
-    np.testing.assert_array_equal(angles, JOINT_LIMITS_RAD[:, 0] - 0.1)
-    assert not model.velocities_rad_s.any()
+def test_the_model_refuses_nan_and_constants_that_no_joint_has() -> None:
+    model = JointModel(OPEN)
     with pytest.raises(InvalidValueError, match="torques of index_j0 = NaN"):
         model.step(np.full(16, np.nan))
-    np.testing.assert_array_equal(model.angles_rad, angles)
+    np.testing.assert_array_equal(model.angles_rad, OPEN)
     wrongs: tuple[tuple[dict[str, float], str], ...] = (
         ({"time_constant_s": 0}, "time_constant_s"),
         ({"time_constant_s": 1e-320}, "1e-6 to 1e6"),
