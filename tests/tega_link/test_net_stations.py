@@ -29,6 +29,7 @@ from tega.recording.mcap_reader import McapReader
 from tega.recording.replay import replay_file
 from tega.records import Picture
 from tega.records.bus import Bus
+from tega.setup.calibration.wizard import parts_of
 from tega_emulators.stations import Program, free_port, split, write_stations, write_trees
 from tega_link.link import Channel, Link
 from tega_link.messages import Refused, Welcome
@@ -225,7 +226,7 @@ def test_one_machine_s_settings_are_shared_among_two(tmp_path) -> None:
     robot, operator = (load_config(file, environ={}).config for file in (robot_file, operator_file))
     assert robot.guests["net"] is not None
     assert operator.guests["net"] is not None
-    assert operator.guests["net"].tracker is not None
+    assert parts_of(operator) == ("emg", "arm")
     assert (robot.guests["net"].listen, operator.guests["net"].connect) == (address, address)
     assert robot.session.preset == operator.session.preset == "paper"
     assert robot.session.out_dir != operator.session.out_dir

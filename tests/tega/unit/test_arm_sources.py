@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import sys
 import threading
@@ -26,8 +25,7 @@ from tega.config.calibration.records import ArmRecord, read_record
 from tega.devices.base import InputReading
 from tega.devices.tracker.sources import RatePoses, RecordedPoses, read_poses
 from tega.errors import CalibrationError, RecordingError
-from tega.setup.calibration.steps_arm import take_base_yaw, take_heading
-from tega.ui.cli.arm import forward
+from tega.setup.calibration.steps_arm import take_base_yaw, take_heading, watch_sweep
 from tega.ui.cli.calibrate import calibrate
 from tega.ui.cli.guide import LineGuide
 from tega_emulators.process import Emulator
@@ -245,21 +243,6 @@ def moving(folder: Path) -> Iterator[Path]:
 
 @emulated
 @pytest.mark.slow
-def test_forward_is_found_and_checked_and_the_operator_sees_what_to_set(tmp_path: Path) -> None:
-    with moving(tmp_path) as file:
-        text = CliRunner().invoke(forward, [str(file), "--json"])
-        displayed = CliRunner().invoke(forward, [str(file)])
-    reported = json.loads(text.output)
-    assert text.exit_code == displayed.exit_code == 0
-    assert reported["yaw_rad"] == pytest.approx(0.5, abs=0.03)
-    assert (reported["ok"], reported["words"]) == (True, "forward is forward")
-    assert "forward [####################]  +20 cm" in displayed.output
-    assert "forward is forward" in displayed.output
-    assert "  [arm.mapping]\n  yaw_rad = 0." in displayed.output
-
-
-@emulated
-@pytest.mark.slow
 def test_the_wizard_keeps_forward_for_a_person_and_a_run_follows_it(tmp_path: Path) -> None:
     words = ["--person=p01", "--only=arm", "--time-scale=0.1", "--json", "--set=vest.driver=on-screen-vest"]
     with moving(tmp_path) as file:
@@ -325,12 +308,11 @@ def test_which_way_the_base_points_is_asked_or_shown(
     assert found == pytest.approx(found_rad, abs=1e-3)
 
 
-@emulated
-def test_a_tracker_that_sees_nothing_is_told(tmp_path: Path) -> None:
-    with Emulator("hololens") as blind:
-        blind.say("lose")
-        text = CliRunner().invoke(forward, [str(lab_of(tmp_path, blind)), "--json", "--seconds", "1"])
-    assert "the forearm was not seen within 1 s" in str(text.exception)
+def test_a_tracker_that_sees_nothing_is_told() -> None:
+    blind: Any = SimpleNamespace(frame="openxr", problem="lost", read=lambda _now_ns: [])
+    with pytest.raises(CalibrationError, match=r"the forearm was not seen within 0\.1 s") as told:
+        watch_sweep(blind, 0.1, yaw_rad=None, displayed=lambda _sweep, _left_s: None)
+    assert told.value.hint == "lost"
 
 
 def test_a_movement_is_over_when_it_rests_and_begins_anew_after_a_gap() -> None:

@@ -13,7 +13,7 @@ from reference.arm_bench import Led
 from tega.arm import ArmSettings, LimitSettings, MappingSettings
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.errors import DeviceUnavailableError, WrongDeviceError
-from tega.ui.cli.arm import arm as arm_verb
+from tega.ui.cli.doctor import doctor
 from tega_emulators.franka_faults import HAND_CENTRE_M, HAND_KG
 from tega_emulators.process import Emulator
 
@@ -171,16 +171,14 @@ def test_a_robot_that_does_not_fit_is_refused_with_what_to_do(robot: Emulator) -
     robot.say("end")
 
 
-def test_the_verb_says_whether_the_robot_can_be_steered(robot: Emulator) -> None:
+def test_doctor_says_whether_the_robot_can_be_steered(robot: Emulator) -> None:
     robot.say("end")
-    text = CliRunner().invoke(arm_verb, ["check", robot.address["host"], "--json"])
-    reported = json.loads(text.output)
-    assert reported["server"] == 10
-    assert reported["library"]["server"] == 10
-    assert [one["ok"] for one in reported["findings"][:2]] == [True, True]
+    words = ["--set", "arm.driver=franky", "--set", f"arm.options.host={robot.address['host']}", "--json"]
+    good = json.loads(CliRunner().invoke(doctor, words).output)["findings"][0]
+    assert (good["check"], good["status"]) == ("arm", "ok")
+    assert "robot server 10 (FR3)" in good["finding"]
     robot.say("refuse 5")
-    text = CliRunner().invoke(arm_verb, ["check", robot.address["host"]])
-    assert text.exit_code == 1
-    assert "no  franky-control" in text.output
+    text = CliRunner().invoke(doctor, words)
+    assert text.exit_code == 3
     assert "by-robot-server-version/5/" in text.output
     robot.say("end")

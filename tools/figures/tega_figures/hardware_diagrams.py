@@ -142,7 +142,7 @@ HARDWARE: Final[dict[str, Diagram]] = {
         {
             "t": Box(0, 0, "forearm or wrist\none place, one turn", "person"),
             "a": Box(1, 0, "openxr axes\ny up, -z forward", "other"),
-            "y": Box(2, 0, "yaw calibration\ntega-teleop arm forward"),
+            "y": Box(2, 0, "yaw calibration\ncalibrate --only arm"),
             "b": Box(3, 0, "robot's base\nx forward, y left, z up", "robot"),
         },
         (Arrow("t", "a"), Arrow("a", "y"), Arrow("y", "b")),

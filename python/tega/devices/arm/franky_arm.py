@@ -69,4 +69,4 @@ class FrankyArm(ProcessArm):
     @classmethod
     def preflight(cls, options: FrankyArmOptions) -> list[tuple[bool, str, str]]:
         """Check whether robot, library and machine fit; see :func:`tega.devices.arm.robot.fci.preflight`."""
-        return preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")[2]
+        return preflight(options.host, robot=options.robot, realtime=options.realtime == "enforce")

@@ -40,12 +40,18 @@ class _KeptBaseline(msgspec.Struct, frozen=True):
     file: str
 
 
+def _tracker_of(config: SessionConfig) -> TrackerConfig | None:
+    """Return the forearm's tracker: the arm's, or that of a guest's table, as an operator's station has it."""
+    trackers = (getattr(table, "tracker", None) for table in (config.arm, *config.guests.values()))
+    return next((tracker for tracker in trackers if tracker is not None), None)
+
+
 def parts_of(config: SessionConfig, only: Sequence[Only] = ()) -> tuple[str, ...]:
     """Return the parts to calibrate: ``tactile.thumb``, ``emg``, ``vest``, ``arm``; no ``only`` means all."""
     have = [f"tactile.{finger}" for finger in config.tactile]
     have += ["emg"] if config.emg is not None else []
     have += ["vest"] if config.vest.driver is not None else []
-    have += ["arm"] if config.arm is not None and config.arm.tracker is not None else []
+    have += ["arm"] if _tracker_of(config) is not None else []
     for subject in only:
         if not any(part.startswith(subject) for part in have):
             raise ConfigError(
@@ -102,7 +108,7 @@ class Calibrating:
         if kind == "tactile":
             return self._config.tactile[finger]
         if kind == "arm":
-            return None if self._config.arm is None else self._config.arm.tracker
+            return _tracker_of(self._config)
         return getattr(self._config, kind)
 
     def _device(self, part: str) -> str:
@@ -193,6 +199,9 @@ class Calibrating:
             arm = self._config.arm
             reported_rad = 0.0 if arm is None else arm.mapping.base_yaw_rad
             base_yaw_rad = take_base_yaw(tracker, self._guide, yaw_rad=yaw_rad, reported_rad=reported_rad)
+            if arm is None:
+                values = f"yaw_rad = {yaw_rad}, base_yaw_rad = {base_yaw_rad}"
+                self._guide.say(f"The robot's file needs both, in [arm.mapping]: {values}")
             return ArmRecord(
                 person=self._sitting.person,
                 device=device_name(tracker.info),

@@ -98,7 +98,7 @@ _ARM = """
 # driver = "spacemouse"
 # button = "left"
 """
-_FRANKY = 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; check: tega-teleop arm check HOST\n'
+_FRANKY = 'options = { host = "172.16.0.2", robot = "panda" }   # or fr3; tega-teleop doctor checks it\n'
 
 # What a driver cannot find out by itself, and where to start.
 _MORE: Mapping[str, Mapping[str, tuple[Any, str]]] = {

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Final
+
 import click
 
 from tega.runtime.features import Feature, Verb, load_target, named
+
+REMOVED: Final[Mapping[str, str]] = {
+    "arm": "doctor SETTINGS.toml checks a robot, calibrate SETTINGS.toml --only arm finds the tracker's forward",
+    "forward": "calibrate SETTINGS.toml --only arm finds the tracker's forward",
+}
+"""Verbs that were taken out, with what takes their place. An entry stays for a year."""
 
 
 def guest_verbs(group: str = "") -> dict[str, tuple[Feature, Verb]]:
@@ -31,6 +40,15 @@ class GuestGroup(click.Group):
             for name, (_, verb) in guest_verbs(self.name or "").items()
         }
         click.Group(commands={**guests, **self.commands}).format_commands(ctx, formatter)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the verb; one that was taken out is refused with what takes its place."""
+        name = f"{self.name or ''} {args[0]}".strip()
+        if name in REMOVED and self.get_command(ctx, args[0]) is None:
+            raise click.UsageError(f"{name} was taken out: {REMOVED[name]}", ctx)
+        return super().resolve_command(ctx, args)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a verb of the group."""

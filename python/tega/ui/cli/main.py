@@ -54,7 +54,6 @@ _BY_GROUP = {
         "emg": (".emg:emg", "Fit a decoder to a person; compare and score decoders."),
         "vest": (".vest:vest", "Switch motors on one at a time; measure how long they take to start."),
         "hand": (".hand:hand", "Check the robot hand, teach its closure poses, time its loop."),
-        "arm": (".arm:arm", "Check a Franka robot; align the forearm's tracker with the operator."),
         "config": (".config:config", "Show or check a settings file."),
     },
 }
@@ -71,7 +70,6 @@ _EARLIER = {
     "merge": "recording merge",
     "sim-trials": "sim trials",
     "identify": "vest identify",
-    "forward": "arm forward",
 }
 _GROUPS = ("Start", "Prepare", "Examine", "Two machines", "Groups")
 

@@ -170,14 +170,11 @@ def machine_findings() -> list[Finding]:
     ]
 
 
-def preflight(
-    host: str, *, robot: str = "", realtime: bool = True
-) -> tuple[int, Library | None, list[Finding]]:
+def preflight(host: str, *, robot: str, realtime: bool) -> list[Finding]:
     """Ask a robot for its version, and check whether library and machine are fit to lead it; nothing moves.
 
-    ``robot`` is ``panda`` or ``fr3``, as in the settings; ``""`` for either. ``realtime``: the machine has to
-    be fit for real time too. The result is the version of the robot's server, the installed library (``None``
-    if there is none) and the findings. Raises ``WrongDeviceError`` if the device is not a robot.
+    ``robot`` is ``panda`` or ``fr3``, as in the settings. ``realtime``: the machine has to be fit for real time
+    too. Raises ``WrongDeviceError`` if the device is not a robot.
     """
     server, library = server_version(host), installed_library()
     fix, kind = the_fix(server, library), "Panda" if server in _PANDA_SERVERS else "FR3"
@@ -185,9 +182,9 @@ def preflight(
     if library is not None:
         has += f", libfranka {library.libfranka or '?'} for robot server {library.server or '?'}"
     findings = [(True, f"robot server {server} ({kind}) at {host}", ""), (not fix, has, fix)]
-    if robot and robot != kind.lower():
+    if robot != kind.lower():
         text = f"the settings say {robot}, and the robot is {'an' if kind == 'FR3' else 'a'} {kind}"
         findings.append(
             (False, text, f"set arm.options.robot = {kind.lower()!r}: the joints have other limits")
         )
-    return server, library, findings + (machine_findings() if realtime else [])
+    return findings + (machine_findings() if realtime else [])

@@ -68,7 +68,7 @@ class FrankyBody(RobotBody):
         except Exception as error:  # franky raises many kinds, of no common base
             raise DeviceUnavailableError(
                 f"franky: {host} does not let itself be connected: {error}",
-                "run `tega-teleop arm check HOST`; is another program connected?",
+                "run `tega-teleop doctor SETTINGS.toml`; is another program connected?",
             ) from error
         name = "" if library is None else f"franky-control {library.version}, libfranka {library.libfranka}, "
         self.facts = (f"{name}robot server {server}",)
