@@ -1,7 +1,8 @@
-"""``tega-teleop emg recalibrate`` on an emulated amplifier: after a shift of the electrodes, and what it refuses."""
+"""``calibrate --refresh`` of muscles on an emulated amplifier: after a shift of the electrodes; what it refuses."""
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -84,7 +85,7 @@ class Bench(NamedTuple):
         return record
 
     def recalibrates(self, answer: Answer, *words: str, code: int = 0) -> Wizard:
-        command = ["emg", "recalibrate", str(self.file), "--person", "p01", "--json"]
+        command = ["calibrate", str(self.file), "--person", "p01", "--only", "emg", "--refresh", "--json"]
         return Wizard([*command, *words], answer).run(code)
 
 
@@ -128,7 +129,8 @@ def refitted(folder: Path, rate_hz: int, first: Ten, today: Ten) -> tuple[Learne
         rest, effort = (mean_values(samples, rate_hz // 10) for samples in first)
         kept = at.knows(np.percentile(effort, 95, axis=0), np.median(rest, axis=0))
         wizard = at.recalibrates(Player(board, folder, *today), *with_model(folder / "p01.json"))
-    return LearnedDecoder.load(Path(wizard.reported["model"])), kept, Path(wizard.reported["record"])
+    record, model = (Path(one["file"]) for one in wizard.reported["files"])
+    return LearnedDecoder.load(model), kept, record
 
 
 @pytest.mark.parametrize(
@@ -215,9 +217,8 @@ QUICK = ("--time-scale", "0.3")
 
 def test_maxima_alone_are_put_to_today(known: Bench) -> None:
     wizard = known.recalibrates(Mover(known.board, full=0.5), *QUICK)
-    assert wizard.reported["model"] is None
-    record = tomllib.loads(Path(wizard.reported["record"]).read_text())
-    assert 0.35 < record["scale"] < 0.65
+    (file,) = wizard.reported["files"]
+    assert 0.35 < file["record"]["scale"] < 0.65
     assert [line for line in wizard.lines if line.startswith(">")] == [
         "> Let the arm lie, hand open, and do nothing [Enter]",
         "> Squeeze: a fist, as strong as you can, until the screen says stop [Enter]",
@@ -239,7 +240,6 @@ def test_maxima_alone_are_put_to_today(known: Bench) -> None:
             "was calibrated with kind = raw, the settings have rectified",
         ),
         ("emg", 1.0, ("--person", "p02"), "p02 has no calibration on"),
-        ("emg", 1.0, ("--out", "new.json"), "there is no model to write"),
     ],
 )
 def test_a_bad_recording_is_refused_and_nothing_is_written(
@@ -292,12 +292,12 @@ def test_a_model_that_would_not_tell_rest_from_effort_is_not_written(known: Benc
     assert files(known) == before
 
 
-def test_the_new_model_is_a_file_of_its_own_where_it_is_asked_for(known: Bench) -> None:
+def test_the_new_model_is_a_file_of_its_own(known: Bench) -> None:
     model = some_model(known.file.parent)
-    out = known.file.parent / "today.json"
     old = model.read_bytes()
-    wizard = known.recalibrates(Mover(known.board, full=0.6), *with_model(model), "--out", str(out))
-    assert wizard.reported["model"] == str(out)
+    wizard = known.recalibrates(Mover(known.board, full=0.6), *with_model(model))
+    out = Path(wizard.reported["files"][1]["file"])
+    assert f"stages.decoder.options.model = {json.dumps(str(out))}" in wizard.said
     assert model.read_bytes() == old
     weak = np.random.default_rng(4).normal(size=(2000, 3)) * 36
     closed = [np.median(LearnedDecoder.load(file).process(weak)[5:]) for file in (model, out)]

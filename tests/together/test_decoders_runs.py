@@ -272,8 +272,8 @@ def test_moved_electrodes_are_a_recorded_alert_and_stand_on_the_page_with_the_pa
     recording = {"dir": str(tmp_path / "recorded"), "stop_free_mib": 0.0}
     last = completed(tree_of(tmp_path, 40.0) | {"recording": recording}, tmp_path)[-2]
     alerts = read_recorded(next(tmp_path.rglob("*.mcap")), Alert).of(Alert)
-    assert any("recalibrate in ten seconds" in alert.said for alert in alerts)
-    assert any("recalibrate in ten seconds" in alert for alert in last.loop.alerts)
+    assert any("refresh the calibration" in alert.said for alert in alerts)
+    assert any("refresh the calibration" in alert for alert in last.loop.alerts)
     assert "electrodes have moved or come loose" in run_state_html(last.loop)
     assert re.search(r"electrodes</td>.*pattern \d\d % off the run", status_html(last))
     assert re.search(r"fatigue</td>.*median frequency – · \d+ Hz", status_html(last))

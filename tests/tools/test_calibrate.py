@@ -205,7 +205,7 @@ def test_a_refresh_follows_the_day_and_practice_is_scored(calibrated: Muscles, t
     assert "refreshed" in after
     assert after["live_max"][0] > 1.05 * before["live_max"][0]
     assert len(list((tmp_path / "calibrations/people/p01/before").iterdir())) == 1
-    today.full = 0.4
+    today.full = 0.2
     changed = calibrate(file, today, "--refresh", code=1)
     assert "times its signal at the calibration" in changed.said
     board.say(f"effort {RESTING}")

@@ -117,7 +117,7 @@ class ConditionWatch:
         change, sentences = self._pattern_change(shares), self._tired(slopes)
         if change > MOVED:  # NaN is not
             sentences.append(
-                "electrodes have moved or come loose: recalibrate in ten seconds (tega-teleop emg recalibrate)"
+                "electrodes have moved or come loose: refresh the calibration (calibrate --only emg --refresh)"
             )
         return MuscleCondition(
             t_ns=t_ns,

@@ -18,7 +18,7 @@ OWN_NAMES: Final[Mapping[str, tuple[str, ...]]] = {
         *("bench", "soak", "recording", "emg", "vest", "hand", "config"),
         *("inspect", "export", "trim", "merge", "sim-trials", "identify"),
         *("recording annotate", "recording export", "recording inspect", "recording merge", "recording trim"),
-        *("emg inspect", "emg recalibrate", "vest identify"),
+        *("emg inspect", "vest identify"),
         *("hand measure", "hand show", "hand teach"),
         *("config check", "config show"),
     ),

@@ -1,10 +1,10 @@
-"""Put a calibration to today's scale: all of it in twenty seconds, muscles and a learned model in ten."""
+"""Put a calibration to today's scale in twenty seconds: baselines, muscles and a learned model."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -25,16 +25,19 @@ from tega.setup.calibration.steps_emg import MuscleSteps
 from tega.setup.calibration.steps_touch import take_baseline
 from tega.stages.base import DayModel
 
-_BASELINE_S, _REST_S, _SQUEEZE_S = 1.0, 4.0, 3.0
-# A channel beyond these is not the same electrode on the same muscle any more.
-_SCALE = (0.5, 2.0)
+_BASELINE_S = 1.0
+# The rise of an effort is not yet the closure that was asked for.
+_RISE_S = 0.5
+# Electrodes that moved give other amplitudes: of 54 shifts simulated on recordings none left this range, and a third
+# left one of 0.5 to 2 (docs/evidence/emg-decoders.md). Beyond it a channel is loose, or not on a muscle that closes.
+_LIMITS = (0.25, 4.0)
 
 
 def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
-    """Take new baselines, put EMG rest and maxima to today's scale by one squeeze; return the files.
+    """Take new baselines, put EMG rest and maxima and a learned model to today's scale; return the files.
 
-    Raises ``ConfigError`` if no part can be refreshed, ``CalibrationError`` if there is no calibration or it
-    has changed too much.
+    Raises ``ConfigError`` if no part can be refreshed or a learned decoder names no model, ``CalibrationError`` if
+    there is no calibration, it has changed too much, or the model is of other muscles or a kernel.
     """
     config, person, folder, guide, times, _ = sitting
     if not any(part == "emg" or part.startswith("tactile.") for part in parts):
@@ -47,13 +50,9 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
     )
     if any(part.startswith("tactile.") for part in parts):
         guide.ready("Take everything off all fingertips")
-    quick = sitting._replace(
-        times=times._replace(
-            baseline_s=min(times.baseline_s, _BASELINE_S),
-            rest_s=min(times.rest_s, _REST_S),
-            squeeze_s=min(times.squeeze_s, _SQUEEZE_S),
-        )
-    )
+    # A model is fitted to as much effort as rest.
+    times = times._replace(baseline_s=min(times.baseline_s, _BASELINE_S), squeeze_s=times.rest_s)
+    quick = sitting._replace(times=times)
     for part in parts:
         if part.startswith("tactile."):
             finger = part.removeprefix("tactile.")
@@ -63,16 +62,38 @@ def refresh(sitting: Sitting, parts: Sequence[str]) -> list[Path]:
                     raise _nothing(person, f"finger {finger!r}", device_name(source.info))
                 files.append(take_baseline(finger, source, quick, is_free=True).file)
         elif part == "emg" and config.emg is not None:
-            with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
-                record, chain = kept_record(quick, config.emg, source)
-                steps = MuscleSteps(source, chain, guide, quick.times)
-                quiet = steps.rest()
-                maxima = steps.squeezes(quiet, n=1)
-            files.append(folder.keep(to_todays_scale(record, quiet, maxima, _SCALE, quick)))
+            files += _muscles(quick, config.emg)
     return files
 
 
-def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, EmgMaxima]:
+def _muscles(sitting: Sitting, section: EmgConfig) -> list[Path]:
+    """Put muscles and the model of a learned decoder to today's scale; write nothing unless all fits.
+
+    The new model is a file beside the old one, with the time in its name.
+    """
+    config, person, folder, guide, times, now = sitting
+    chosen = chosen_stage("decoder", config.stages, config.session.preset)
+    model: DayModel | None = chosen.kind.day_model(chosen.options)
+    with driver_class(section.driver, "emg")(section.options) as source:
+        record, chain = _kept_record(sitting, section, source)
+        if model is not None:
+            model.check_fits(kind=chain.kind, rate_hz=chain.rate_hz, channels=chain.channels, person=person)
+        steps = MuscleSteps(source, chain, guide, times)
+        quiet = steps.rest()
+        rested = steps.received
+        maxima = steps.squeezes(quiet, n=1)
+    new = _to_todays_scale(record, quiet, maxima, sitting)
+    if model is None:
+        return [folder.keep(new)]
+    effort = joined(steps.received)[round(_RISE_S * chain.rate_hz) :]
+    fitted, file = model.fitted(joined(rested), effort), model.file
+    written = file.with_name(f"{file.stem}-{now():%Y%m%d-%H%M%S}{file.suffix}")
+    fitted.save(written)
+    guide.say(f"The new model: set stages.decoder.options.model = {json.dumps(str(written))}", tone="good")
+    return [folder.keep(new), written]
+
+
+def _kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tuple[EmgRecord, EmgMaxima]:
     """Return the person's calibration on an open source, and the conditions under which it was made.
 
     Raises ``CalibrationError`` if there is none, or it is of other channels or EMG settings.
@@ -93,17 +114,14 @@ def kept_record(sitting: Sitting, section: EmgConfig, source: EmgSource) -> tupl
     return record, chain
 
 
-def to_todays_scale(
-    record: EmgRecord, quiet: Quiet, maxima: Maxima, limits: tuple[float, float], sitting: Sitting
-) -> EmgRecord:
+def _to_todays_scale(record: EmgRecord, quiet: Quiet, maxima: Maxima, sitting: Sitting) -> EmgRecord:
     """Return a calibration of muscles with today's rest, and its maxima scaled by one squeeze of today.
 
-    ``limits`` are the smallest and largest permitted ratio of a channel to its old maximum, else
-    ``CalibrationError`` is raised. The sitting's guide shows the scale.
+    Raises ``CalibrationError`` if a channel has changed too much. The sitting's guide shows the scale.
     """
     ratios = np.array(maxima.live) / np.array(record.live_max)
     for name, ratio in zip(record.channels, ratios, strict=True):
-        if not limits[0] <= ratio <= limits[1]:
+        if not _LIMITS[0] <= ratio <= _LIMITS[1]:
             raise CalibrationError(
                 f"EMG: {name} gives {ratio:.1f} times its signal at the calibration",
                 "check its electrode, then calibrate again: tega-teleop calibrate",
@@ -132,59 +150,3 @@ def _nothing(person: str, subject: str, device: str) -> CalibrationError:
         f"{subject}: {person} has no calibration on {device} to refresh",
         "calibrate first: tega-teleop calibrate, without --refresh",
     )
-
-
-HALF_S: Final = 5.0
-"""Rest takes so long, and so does effort."""
-# The rise of an effort is not yet the closure that was asked for.
-_RISE_S = 0.5
-# Electrodes that moved give other amplitudes: of 54 shifts simulated on recordings none left this range, and a third
-# left that of a refresh (docs/evidence/emg-decoders.md). Beyond it a channel is loose, or not on a muscle that closes.
-_LIMITS = (0.25, 4.0)
-
-
-class Recalibrated(NamedTuple):
-    """Files that a recalibration wrote: the record and, with a learned decoder, the model fitted to today."""
-
-    record: Path
-    model: Path | None
-
-
-def recalibrate(sitting: Sitting, model_out: Path | None = None) -> Recalibrated:
-    """Put a calibrated person's muscles and a learned model to today's scale; write nothing unless all fits.
-
-    The decoder of the settings decides whether there is a model; the sitting's rest and squeeze last
-    :data:`HALF_S` each. Without ``model_out`` the new model is a file beside the old one, with the time in
-    its name. Raises ``ConfigError`` if the settings have no EMG, a learned decoder names no model, or there
-    is no model to write; ``CalibrationError`` if the person is not calibrated on this source, the model is of
-    other muscles or a kernel, or rest or effort cannot be used.
-    """
-    config, person, folder, guide, times, now = sitting
-    if config.emg is None:
-        raise ConfigError(
-            "nothing to recalibrate: the settings have no [emg]", "add it; see docs/device-emg.md"
-        )
-    chosen = chosen_stage("decoder", config.stages, config.session.preset)
-    model: DayModel | None = chosen.kind.day_model(chosen.options)
-    if model is None and model_out is not None:
-        raise ConfigError(
-            f"there is no model to write: the settings' decoder {chosen.name!r} has none",
-            'leave out --out, or set stages.decoder.name = "learned" and its model',
-        )
-    with driver_class(config.emg.driver, "emg")(config.emg.options) as source:
-        record, chain = kept_record(sitting, config.emg, source)
-        if model is not None:
-            model.check_fits(kind=chain.kind, rate_hz=chain.rate_hz, channels=chain.channels, person=person)
-        guide.part("Recalibrate", "Five seconds of rest, then one fist of five seconds. Ten seconds.")
-        steps = MuscleSteps(source, chain, guide, times)
-        quiet = steps.rest()
-        rested = steps.received
-        maxima = steps.squeezes(quiet, n=1)
-    new = to_todays_scale(record, quiet, maxima, _LIMITS, sitting)
-    if model is None:
-        return Recalibrated(folder.keep(new), None)
-    effort = joined(steps.received)[round(_RISE_S * chain.rate_hz) :]
-    fitted, file = model.fitted(joined(rested), effort), model.file
-    written = model_out or file.with_name(f"{file.stem}-{now():%Y%m%d-%H%M%S}{file.suffix}")
-    fitted.save(written)
-    return Recalibrated(folder.keep(new), written)

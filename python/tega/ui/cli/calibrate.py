@@ -1,4 +1,4 @@
-"""Calibrate for a person, and recalibrate muscles in ten seconds: ``tega-teleop calibrate``, ``emg recalibrate``."""
+"""Calibrate for a person, and refresh it in twenty seconds: ``tega-teleop calibrate``."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tega.ui.cli.options import (
-    FILE,
     PATH,
     FiniteRange,
     calibrated_person_option,
@@ -44,7 +43,8 @@ if TYPE_CHECKING:
 @click.option(
     "--refresh",
     is_flag=True,
-    help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes were put on again.",
+    help="Measure baselines and EMG again, in twenty seconds, after sensors or electrodes moved or were put on again; "
+    "a learned model is fitted to today too, into a new file.",
 )
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
@@ -105,6 +105,9 @@ def calibrate(
     muscle alone. Vest: the place of each column, the weakest vibration that is felt, the smallest noticeable step.
     Forearm: the forward direction. Ctrl-C keeps the finished steps, and the same command continues after them. When
     finished, run: tega-teleop run SETTINGS.toml --person ID.
+
+    --refresh writes no muscles if a channel gives less than a quarter or more than four times its calibrated value, or
+    if rest and effort cannot be distinguished.
 
     With --json: {"person", "folder", "refresh", "finished", "done", "left", "files": [{"file", "record"}]}.
     """
@@ -174,56 +177,14 @@ def _settings(
 def _reported(files: list[Path]) -> list[dict[str, Any]]:
     import tomllib
 
-    reported = []
+    reported: list[dict[str, Any]] = []
     for file in files:
         record = file if file.suffix in {".json", ".toml"} else file.with_suffix(".toml")
+        if not record.is_file():  # a model of another form
+            reported.append({"file": str(file), "record": None})
+            continue
         text = record.read_text(encoding="utf-8")
         tree = json.loads(text) if record.suffix == ".json" else tomllib.loads(text)
         plain = {k: v.isoformat() if hasattr(v, "isoformat") else v for k, v in tree.items()}
         reported.append({"file": str(record), "record": plain})
     return reported
-
-
-@click.command(epilog="Example: tega-teleop emg recalibrate lab.toml --person p01")
-@click.argument("settings", type=PATH, metavar="SETTINGS.toml")
-@calibrated_person_option
-@click.option("--out", type=FILE, help="The new model's file.")
-@yes_option
-@time_scale_option
-@sets_option
-@json_option
-def emg_recalibrate(
-    *,
-    settings: Path,
-    person: str,
-    out: Path | None,
-    yes: bool,
-    time_scale: float,
-    sets: tuple[str, ...],
-    as_json: bool,
-) -> None:
-    """Fit a calibrated person's muscles to today: five seconds at rest, five with the hand closed.
-
-    For electrodes that moved, dried or were put on again. Rest and maxima of the calibration are scaled to today. If
-    the settings use a learned model, it is fitted to today too, into a new file; the old one is unchanged. Nothing is
-    written if a channel gives less than a quarter or more than four times its calibrated value, or if rest and effort
-    cannot be distinguished. With --json: {"person", "record", "model"}.
-    """
-    from tega.config.calibration.folder import CalibrationFolder
-    from tega.config.calibration.records import utc_now
-    from tega.setup.calibration.refresh import HALF_S, recalibrate
-    from tega.setup.calibration.sitting import Sitting, Times
-    from tega.ui.cli.guide_page import guided
-
-    config, kept = _settings(settings, person, None, sets)
-    home = CalibrationFolder(kept)
-    times = Times(rest_s=HALF_S, squeeze_s=HALF_S).scaled(time_scale)
-    with guided("TEGA recalibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
-        found = recalibrate(Sitting(config, person, home, guide, times, utc_now), out)
-    if as_json:
-        model = None if found.model is None else str(found.model)
-        echo_json({"person": person, "record": str(found.record), "model": model})
-        return
-    click.echo(f"{found.record.name}: today's rest and maxima")
-    if found.model is not None:
-        click.echo(f"use the new model: stages.decoder.options.model = {json.dumps(str(found.model))}")

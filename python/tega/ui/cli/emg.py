@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tega.ui.cli.calibrate import emg_recalibrate
 from tega.ui.cli.guest_group import GuestGroup
 from tega.ui.cli.options import CHANNELS, PATH, FiniteRange, all_options, echo_json, json_option
 
@@ -100,9 +99,6 @@ def reading_options(function: Callable[..., Any]) -> Callable[..., Any]:
 @click.group(cls=GuestGroup, epilog="Example: tega-teleop emg inspect squeeze.csv")
 def emg() -> None:
     """Inspect files of EMG, fit decoders to a person and to a day, compare them on one log."""
-
-
-emg.add_command(emg_recalibrate, "recalibrate")
 
 
 @emg.command("inspect", epilog="Example: tega-teleop emg inspect squeeze.csv")

@@ -11,6 +11,7 @@ from tega.runtime.features import Feature, Verb, load_target, named
 
 REMOVED: Final[Mapping[str, str]] = {
     "arm": "doctor SETTINGS.toml checks a robot, calibrate SETTINGS.toml --only arm finds the tracker's forward",
+    "emg recalibrate": "calibrate SETTINGS.toml --only emg --refresh does it",
     "forward": "calibrate SETTINGS.toml --only arm finds the tracker's forward",
 }
 """Verbs that were taken out, with what takes their place. An entry stays for a year."""
