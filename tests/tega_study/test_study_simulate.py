@@ -3,14 +3,11 @@
 
 from __future__ import annotations
 
-import os
 import random
 import signal
 import subprocess
 import sys
-import threading
 import time
-from importlib import import_module
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -132,44 +129,6 @@ def test_everybody_gets_a_value_and_nobody_changes_in_anything_else() -> None:
         usual.of_everyone({"vision.rt_ms": 321})
     with pytest.raises(ConfigError, match=r"vision\.moon"):
         usual.of_everyone({"vision.moon": 1})
-
-
-@pytest.mark.slow
-def test_a_dask_worker_that_is_killed_in_a_session_costs_no_trial(tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    simulate(tmp_path / "here", operators=2, objects=["bag"], trials=1, jobs=1)
-    killed: list[int] = []
-
-    def kill_one(watcher: Any, pids: dict[str, int]) -> None:
-        while not killed:
-            busy = [worker for worker, keys in watcher.processing().items() if keys]
-            for worker in busy[:1]:
-                os.kill(pids[worker], signal.SIGKILL)
-                killed.append(pids[worker])
-            time.sleep(0.05)
-
-    two = {"n_workers": 2, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
-    with (
-        distributed.LocalCluster(**two) as cluster,
-        distributed.Client(address := cluster.scheduler_address) as watcher,
-    ):
-        killer = threading.Thread(target=kill_one, args=(watcher, watcher.run(os.getpid)))
-        killer.start()
-        try:
-            simulate(tmp_path / "there", operators=2, objects=["bag"], trials=1, dask=address)
-        finally:
-            killed.append(0)
-            killer.join()
-    assert killed[0], "a worker was killed while it had a session"
-    assert files_of(tmp_path / "here") == files_of(tmp_path / "there")
-    assert len(study_trials(tmp_path / "there")[1]) == 4
-
-
-def test_a_scheduler_that_is_not_there_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("distributed", reason="needs the extra tega[dask]")
-    monkeypatch.setattr(import_module("tega_study.silico.simulate"), "_CONNECT_S", 0.3)
-    with pytest.raises(DeviceUnavailableError, match="no scheduler answers"):
-        simulate(tmp_path / "s", operators=1, objects=["bag"], trials=1, dask="tcp://127.0.0.1:9")
 
 
 @pytest.mark.slow

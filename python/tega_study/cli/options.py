@@ -69,11 +69,5 @@ workers_options = all_options(
         default="1/1",
         help="Only the i-th of n parts, for many machines.",
     ),
-    click.option(
-        "--dask",
-        metavar="ADDRESS",
-        default="",
-        help="Use the workers of a dask scheduler, such as tcp://host:8786.",
-    ),
 )
-"""Where sessions run: cores, a part for this machine, a dask cluster."""
+"""Where sessions run: cores, a part for this machine."""

@@ -77,14 +77,13 @@ def run_sensitivity(
     varied: Sequence[str] = VARIED,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
-    dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> list[str]:
     """Run the small studies that are not finished; return the names of the changes left to other shards.
 
     ``folder`` has a study in silico, not changed itself; its seed, objects and parameter file are used.
     ``varied`` are parameters, ``section.name``; the arms and the printed readings come always, and first. The
-    last four arguments are those of :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a
+    last three arguments are those of :func:`tega_study.silico.simulate.simulate`. Raises ``ConfigError`` if a
     parameter is not known, ``InvalidValueError`` if a change was begun before with other people or trials.
     """
     stated = read_assumptions(folder)
@@ -113,7 +112,7 @@ def run_sensitivity(
         if len(made) % parts == part - 1:
             todo += jobs_of(where, plan, small, plan.participants, pictures=False)
         made.append((where, plan))
-    run_sessions(todo, workers=jobs, dask=dask, progress=progress)
+    run_sessions(todo, workers=jobs, progress=progress)
     left = []
     for where, plan in made:
         if unfinished(where, plan):

@@ -1,8 +1,7 @@
-"""Run a whole study with simulated people, over this machine's cores or a dask cluster; the results are the same."""
+"""Run a whole study with simulated people, over the cores of one machine or of several; the results are the same."""
 
 from __future__ import annotations
 
-import importlib
 import os
 import shutil
 import threading
@@ -11,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from tega.errors import DeviceUnavailableError, InvalidValueError, MissingExtraError, WrongDeviceError
+from tega.errors import DeviceUnavailableError, InvalidValueError
 from tega.runtime.files.whole_file import lock_file, open_to_append
 from tega_sim.conditions import SESSION_CONDITIONS
 from tega_sim.operator import load_parameters
@@ -19,7 +18,7 @@ from tega_sim.trials import over_cores
 from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
-from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume, code_sha256
+from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume
 from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
 from tega_study.state import derive
 
@@ -27,28 +26,24 @@ Progress = Callable[[str, int, int], None]
 """Called with the unit that is counted, the number of finished ones, and the total."""
 
 _POLL_S = 0.5
-_CONNECT_S = 10.0
 
 
 def run_sessions(
     jobs: Sequence[SessionJob],
     *,
     workers: int = 0,
-    dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
 ) -> None:
     """Run sessions and put each into its study's folder as soon as it is over.
 
     ``workers`` are processes on this machine, 0 for as many as there are cores; with 1 all run in this
-    process. With ``dask``, the address of a scheduler, its workers run them and need no disk in common;
-    ``WrongDeviceError`` if one has another version of the program, ``DeviceUnavailableError`` if no scheduler
-    answers or it has no worker. ``progress`` gets the number of finished trials.
+    process. ``progress`` gets the number of finished trials.
     """
     if not jobs:
         return
-    done, n_workers = 0, workers or os.cpu_count() or 1
-    with _watched(jobs, progress, on=not dask) as count:
-        for job in _over_dask(jobs, dask) if dask else over_cores(_session, jobs, n_workers):
+    done = 0
+    with _watched(jobs, progress) as count:
+        for job in over_cores(_session, jobs, workers or os.cpu_count() or 1):
             done += len(job.trials)
             count(done)
 
@@ -68,43 +63,8 @@ def _session(job: SessionJob) -> SessionJob:
     return job
 
 
-def _over_dask(jobs: Sequence[SessionJob], address: str) -> Iterator[SessionJob]:
-    try:
-        distributed: Any = importlib.import_module("distributed")  # untyped
-    except ImportError as error:
-        raise MissingExtraError("dask.distributed is not installed", "pip install 'tega[dask]'") from error
-    start = "start one: dask scheduler, and on each machine: dask worker ADDRESS"
-    try:
-        client = distributed.Client(address, timeout=_CONNECT_S)
-    except (OSError, ValueError) as error:
-        raise DeviceUnavailableError(f"--dask {address}: no scheduler answers", start) from error
-    with client:
-        abouts: dict[str, str] = client.run(_about)
-        if not abouts:
-            raise DeviceUnavailableError(f"--dask {address}: the scheduler has no worker", start)
-        here = _about()
-        for worker, there in abouts.items():
-            if there != here:
-                raise WrongDeviceError(
-                    f"--dask {address}: worker {worker} has tega {there}, here it is {here}",
-                    "install the same version everywhere; other versions may give other results",
-                )
-        jobs_of = {client.submit(run_session, job, pure=False, retries=2): job for job in jobs}
-        for future in distributed.as_completed(list(jobs_of)):
-            keep_session(jobs_of[future], future.result())
-            yield jobs_of[future]
-            future.release()
-
-
-def _about() -> str:
-    """Return the program's version and a digest of its files, which determine a session's result."""
-    import tega
-
-    return f"{tega.__version__} ({code_sha256()[:12]})"
-
-
 @contextmanager
-def _watched(jobs: Sequence[SessionJob], progress: Progress, *, on: bool) -> Iterator[Callable[[int], None]]:
+def _watched(jobs: Sequence[SessionJob], progress: Progress) -> Iterator[Callable[[int], None]]:
     """Report progress in trials: finished sessions, and the written courses of running ones."""
     total, n_over, ended = sum(len(job.trials) for job in jobs), 0, threading.Event()
 
@@ -119,14 +79,12 @@ def _watched(jobs: Sequence[SessionJob], progress: Progress, *, on: bool) -> Ite
 
     notify(0)
     watcher = threading.Thread(target=check, daemon=True, name="tega-progress")
-    if on:
-        watcher.start()
+    watcher.start()
     try:
         yield notify
     finally:
         ended.set()
-        if on:
-            watcher.join()
+        watcher.join()
 
 
 def _written(job: SessionJob) -> int:
@@ -165,20 +123,19 @@ def simulate(
     operators: int,
     jobs: int = 0,
     shard: tuple[int, int] = (1, 1),
-    dask: str = "",
     progress: Progress = lambda _subject, _done, _total: None,
     **requested: Any,
 ) -> StudyPlan:
     """Run a whole study with simulated people, or the sessions that are not finished.
 
     ``folder`` is new, or of the same study. ``shard`` is ``(i, n)``: only the i-th of n parts of the people,
-    from 1. ``jobs`` are the ``workers`` of :func:`run_sessions`, as are ``dask`` and ``progress``;
-    ``requested`` are other arguments of :func:`made_study`.
+    from 1. ``jobs`` are the ``workers`` of :func:`run_sessions`; ``requested`` are other arguments of
+    :func:`made_study`.
     """
     part, parts = shard
     plan, stated = made_study(folder, operators=operators, **requested)
     mine = plan.participants[part - 1 :: parts]
-    run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, dask=dask, progress=progress)
+    run_sessions(jobs_of(folder, plan, stated, mine), workers=jobs, progress=progress)
     if not unfinished(folder, plan):  # else another shard may be at work in there
         shutil.rmtree(folder / RUNNING, ignore_errors=True)
     return plan
