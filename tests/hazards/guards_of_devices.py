@@ -98,8 +98,8 @@ OF_DEVICES: Final = (
     Guard(
         "the loop does not ask how the hand is",
         "hazards/test_lost::a_hand_in_trouble_is_let_go_and_the_vest_rests[silence-silent]",
-        "        self._check().say(level, added)",
-        "        (self._end or self._check()).say(level, added)",
+        "        self._check().say(level, added, alone=self.watched)",
+        "        (self._end or self._check()).say(level, added, alone=self.watched)",
     ),
     Guard(
         "the dead-man is not asked",
@@ -138,7 +138,7 @@ OF_DEVICES: Final = (
     Guard(
         "a table that cannot be written is not told of",
         "hazards/test_stop::a_full_disk_ends_the_tables_and_not_the_run",
-        "        except Exception as error:  # whoever looks on must not end what it looks at",
+        "        except Exception as error:  # an observer must not end what it observes",
         "        except ZeroDivisionError as error:",
     ),
     Guard(

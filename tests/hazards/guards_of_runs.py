@@ -86,13 +86,13 @@ OF_RUNS: Final = (
     Guard(
         "electrodes that are off keep their vote",
         "hazards/test_lost_muscles::lost_muscles_hold_the_level_then_open_the_hand_and_steer_again[at the limit]",
-        "        changed, passed = self._core.take(np.ascontiguousarray(samples, np.float64))",
+        "        changed, passed = self._core.take(np.ascontiguousarray(as_array(samples), np.float64))",
         "        changed, passed = False, None",
     ),
     Guard(
         "one electrode that is off keeps its vote",
         "hazards/test_lost_muscles::one_electrode_that_is_off_has_no_vote_and_the_others_go_on",
-        "        changed, passed = self._core.take(np.ascontiguousarray(samples, np.float64))",
+        "        changed, passed = self._core.take(np.ascontiguousarray(as_array(samples), np.float64))",
         "        changed, passed = False, None",
     ),
     Guard(

@@ -233,7 +233,7 @@ impl HandLink {
     }
 
     fn enter(&mut self, phase: Phase, t_ns: i64) {
-        (self.phase, self.motors_on) = (phase, false);
+        (self.phase, self.motors_on, self.off_sets) = (phase, false, None);
         self.since_ns = Some(t_ns);
         if phase == Phase::Checking {
             // `tries` stays above zero until the hand has been sent what to report.

@@ -74,20 +74,21 @@ impl HandLink {
             self.fail(Fault::Reported { status: info.status, palm_c: info.palm_c }, t_ns);
         } else {
             self.info = Some(info);
-            self.watch_motors(info.servo_on(), t_ns);
+            self.watch_motors(info.servo_on());
             if self.phase == Phase::Identifying {
                 self.enter(Phase::Checking, t_ns);
             }
         }
     }
 
-    /// A hand whose motors are switched off while it goes on reporting was not let go by this side or its guard.
-    fn watch_motors(&mut self, on: bool, t_ns: i64) {
+    /// Notes whether the motors are off that were on. A hand that goes on reporting positions then was not let go by
+    /// this side or its guard.
+    fn watch_motors(&mut self, on: bool) {
         if on || !self.motors_on {
             self.motors_on = on && self.settings.torque && self.phase == Phase::Running;
             self.off_sets = None;
-        } else if self.counts.sets - *self.off_sets.get_or_insert(self.counts.sets) > OFF_SETS {
-            self.fail(Fault::MotorsOff, t_ns);
+        } else {
+            self.off_sets.get_or_insert(self.counts.sets);
         }
     }
 
@@ -117,6 +118,10 @@ impl HandLink {
         self.counts.sets += 1;
         self.last_set_ns = t_ns;
         self.late = false;
+        if self.off_sets.is_some_and(|off| self.counts.sets - off > OFF_SETS) {
+            self.fail(Fault::MotorsOff, t_ns);
+            return None;
+        }
         if self.phase == Phase::Checking {
             if self.n_checked == 0 {
                 self.first_set_ns = t_ns;

@@ -20,8 +20,8 @@ const TEMPERATURE_MS: u16 = 500;
 /// Without periodic temperatures for so long they are asked for, this often.
 const POLL_AFTER_NS: i64 = 2_000 * MS;
 const POLL_NS: i64 = 500 * MS;
-/// The hand's status is asked for this often.
-const INFO_NS: i64 = 500 * MS;
+/// The status is asked for this often.
+const INFO_NS: i64 = 1_000 * MS;
 /// So long sets of positions are counted before their rate is judged.
 const RATED_NS: i64 = 1_000 * MS;
 /// Rest before a silent hand is looked for again.

@@ -284,7 +284,7 @@ fn a_hand_that_is_not_the_one_that_was_switched_on_is_let_go() {
     let mut bench = Bench::running();
     bench.run(1000);
     bench.hand.servo_on = false; // its own doing, or another program's
-    bench.lets_go(1010, "motors-off");
+    bench.lets_go(1110, "motors-off");
     // Its guard has let go of the hand: with this patience the link finds that out by the silence alone.
     let patient = LinkSettings { silent_after_ns: 2000 * MS, lowest_rate_hz: 0.0, ..LinkSettings::default() };
     let mut bench = Bench::with(Hand::default(), patient);
@@ -310,7 +310,7 @@ fn a_fault_of_the_hand_stops_and_a_warning_only_lowers() {
     assert_eq!(bench.link.phase(), Phase::Running);
     assert!((bench.link.heat_share(1500 * MS) - 0.5).abs() < 1e-12);
     bench.hand.status = 0b1_0000;
-    bench.lets_go(510, "reported");
+    bench.lets_go(1010, "reported");
 }
 
 #[test]
