@@ -374,6 +374,7 @@ def test_a_vest_that_does_not_spare_itself_gets_every_frame(
 ) -> None:
     info = DeviceInfo(driver="vest-recorder", kind="vest", label="written down", live=live)
     monkeypatch.setattr(VestRecorder, "info", info)
+    monkeypatch.setattr("tega.loop.sinks._DISPLAYED", ("vest-recorder",))
     vest = {"driver": "vest-recorder", "options": {"file": "mine.csv"}}
     text = run_session(session(tmp_path, "out", vest=vest))["vest"]
     assert text["sinks"] == ["vest-recorder"] * 2

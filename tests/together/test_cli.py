@@ -141,7 +141,10 @@ def test_a_missing_device_ends_with_code_3(capsys: pytest.CaptureFixture[str], s
     sets = ["--set", "hand.options.interface=socketcan", "--set", "hand.options.channel=none7"]
     _, err = call(capsys, "run", session, *sets, code=1)
     assert "open_loop" in err
-    _, err = call(capsys, "run", session, *sets, "--set", "hand.options.open_loop=true", code=3)
+    sets += ["--set", "hand.options.open_loop=true"]
+    _, err = call(capsys, "run", session, *sets, "--set", "session.pace=fast", code=1)
+    assert "session.pace = 'fast', but hand: python-can, socketcan:none7 is live" in err
+    _, err = call(capsys, "run", session, *sets, code=3)
     assert err.startswith("error: python-can: interface 'socketcan', channel 'none7' did not open")
 
 

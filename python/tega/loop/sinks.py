@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from tega.config import SessionConfig
 from tega.devices.base import DeviceInfo, HandDriver, SteeredHand, TellingHand, VestSink, optional
 from tega.devices.registry import driver_class
+from tega.errors import ConfigError
 from tega.hand import split_level
 from tega.hand.link import HandSpoken
 from tega.loop.inbox.inputs import Inputs, Seat
@@ -16,6 +17,9 @@ from tega.loop.snapshot import LoopView
 from tega.loop.worn_vest import dose_file, worn_vest
 from tega.records import HandExchange, bus_frames
 from tega.records.bus import Bus
+
+# Nobody wears these.
+_DISPLAYED: Final = ("on-screen-vest", "sound-vest")
 
 
 class Sinks(NamedTuple):
@@ -46,10 +50,28 @@ def open_inputs(stack: ExitStack, config: SessionConfig) -> Inputs:
     return Inputs(seats)
 
 
+def live_outputs(to: SessionConfig) -> tuple[bool, list[str]]:
+    """Return whether any output runs on its own clock, and those that are neither drawing, sound nor virtual bus."""
+    from tega.devices.hand.python_can import may_have_hardware
+
+    live, real = False, []
+    for kind, section in (("vest", to.vest), ("hand", to.hand)):
+        if section.driver is not None:
+            info, options = driver_class(section.driver)(section.options).info, section.options
+            live = live or info.live
+            interface = getattr(options, "interface", None)
+            on_a_bus = interface is None or may_have_hardware(interface, options.channel)
+            if info.live and section.driver not in _DISPLAYED and on_a_bus:
+                real.append(f"{kind}: {info.driver}, {info.label}")
+    return live, real
+
+
 def open_sinks(
     stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
 ) -> Sinks:
     """Open the outputs of a run: vest and hand."""
+    if config.session.pace == "fast" and (real := live_outputs(config)[1]):
+        raise ConfigError(f"session.pace = 'fast', but {real[0]} is live", "set session.pace = 'real'")
     sinks = Sinks([], [], [], None)
     if config.vest.driver is not None:
         vest = stack.enter_context(worn_vest(config.vest, dose_file(config.calibration)))
@@ -58,7 +80,6 @@ def open_sinks(
         _listen(hand, bus)
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
-            refuse_live(hand.info, config.session.pace)
             return sinks._replace(steered=hand)
         sinks.hands.append(hand)
     return sinks

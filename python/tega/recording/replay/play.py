@@ -15,12 +15,12 @@ from typing import Any
 from msgspec.structs import replace as changed
 
 from tega.config import Pace, ReflexSection, SessionConfig, VestConfig, load_config
-from tega.devices.registry import driver_class
 from tega.errors import ConfigError
 from tega.loop import run_session
 from tega.loop.controls import Controls
 from tega.loop.parts import Part
 from tega.loop.prepare import Progress
+from tega.loop.sinks import live_outputs
 from tega.recording.replay.feed import RecordFeed
 from tega.recording.replay.played_run import PlayedRun
 from tega.recording.replay.playhead import Playhead
@@ -34,8 +34,6 @@ LEAD_S = 2
 SLOWEST, FASTEST = 0.05, 20.0
 
 _DRAWN = "on-screen-vest"
-# Nobody wears these.
-_DISPLAYED = (_DRAWN, "sound-vest")
 
 
 def playing_to(path: Path | None, *, sets: Sequence[str] = ()) -> SessionConfig:
@@ -89,7 +87,7 @@ def play_file(
         ConfigError: The speed is not allowed for the devices to play on.
         KeyboardInterrupt: ``controls.stop`` returned true before the loop had begun.
     """
-    live, real = _live(to)
+    live, real = live_outputs(to)
     _check_speed(speed, real, because)
     progress("reading the recording", 0, 0)
     controls = Controls() if controls is None else controls
@@ -138,22 +136,6 @@ def _read(path: Path, playhead: Playhead, controls: Controls) -> PlayedRun:
     played = PlayedRun(feed, playhead)
     feed.read_rest()
     return played
-
-
-def _live(to: SessionConfig) -> tuple[bool, list[str]]:
-    """Return whether any output runs on its own clock, and those that are neither drawing, sound nor virtual bus."""
-    from tega.devices.hand.python_can import may_have_hardware
-
-    live, real = False, []
-    for kind, section in (("vest", to.vest), ("hand", to.hand)):
-        if section.driver is not None:
-            info, options = driver_class(section.driver)(section.options).info, section.options
-            live = live or info.live
-            interface = getattr(options, "interface", None)
-            on_a_bus = interface is None or may_have_hardware(interface, options.channel)
-            if info.live and section.driver not in _DISPLAYED and on_a_bus:
-                real.append(f"{kind}: {info.driver}, {info.label}")
-    return live, real
 
 
 def _check_speed(speed: float | None, real: Sequence[str], because: str) -> None:
