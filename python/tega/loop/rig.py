@@ -76,6 +76,8 @@ def watch_over(
         alerts["votes"] = lambda: _faults("no vote for ", m.report.faults)
     alerts["muscles"] = condition
     needs: dict[str, Callable[[], str]] = {}
+    if m is not None and not m.source.info.live and sinks.steered is not None:
+        needs["emg"] = lambda: "emg: its recording has ended" if m.report.end_ns is not None else ""
     worn = sinks.live_vests
     vests = {"vest": lambda: all(optional(vest, "reached") for vest in worn)} if worn else {}
     for part in parts:

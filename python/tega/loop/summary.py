@@ -201,7 +201,8 @@ def _notes(state: RunFacts) -> list[str]:
 
 def _lost_emg(state: RunFacts) -> str:
     safety, muscles = state.rig.config.safety, state.rig.prepared.muscles
-    if muscles is None or not muscles.source.info.live or safety.then == "keep":
+    watched = muscles is not None and (muscles.source.info.live or state.rig.sinks.steered is not None)
+    if not watched or safety.then == "keep":
         return "its last level held to the end"
     return f"its last level held for {safety.hold_ms / 1e3:g} s, then the hand opens"
 

@@ -206,10 +206,16 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
         tree = {
             "session": {"pace": "real", "out_dir": str(tmp_path / "out")},
             "emg": muscles(1.5, seed=1),
+            "tactile": {"thumb": {"driver": "synthetic-touch", "options": {"duration_s": 3.5}}},
+            "safety": {"hold_ms": 500.0},
             "hand": {"driver": "allegro", "options": settings},
         }
         summary = run_session(check_tree(tree, {}, base=tmp_path).config)
         assert limp(hand)
+        # A hand does not hold for ever what a recording ended with.
+        changes = [(one["state"], one["reason"]) for one in summary["safety"]["changes"]][-3:]
+        assert changes[0] == ("hold", "emg: its recording has ended")
+        assert [state for state, _ in changes[1:]] == ["idle", "stopped"]
         assert summary["hand"]["model"] == Allegro.label
         assert summary["hand"]["sinks"] == ["allegro", "can-recorder"]
         sent = (tmp_path / "out" / "can.csv").read_text().splitlines()
