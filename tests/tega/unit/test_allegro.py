@@ -107,15 +107,13 @@ def test_a_hostile_word_to_the_hand_s_process_has_it_let_go(word: tuple[float, f
             steered.step(3)
 
 
-def test_nobody_there_and_no_adapter() -> None:
+def test_nobody_there() -> None:
     with (
         Emulator("allegro_port", "--device-id", "2") as hand,
         pytest.raises(DeviceUnavailableError, match="20 requests") as got,
     ):
         driver(hand).open()
     assert "12 V" in got.value.hint
-    with pytest.raises(DeviceUnavailableError, match="did not open"):
-        driver(hand).open()
 
 
 ENDS = {
@@ -220,10 +218,6 @@ def test_a_session_steers_the_hand_it_reads(tmp_path: Path) -> None:
         assert summary["hand"]["sinks"] == ["allegro", "can-recorder"]
         sent = (tmp_path / "out" / "can.csv").read_text().splitlines()
         assert sum(",180," in line for line in sent) > 100
-        tree["session"] = {"pace": "fast"}
-        with pytest.raises(ConfigError, match="live"):
-            run_session(check_tree(tree, {}, base=tmp_path).config)
-        assert limp(hand)
 
 
 def test_an_adapter_that_opens_slowly_is_waited_for_and_a_silent_hand_says_so() -> None:

@@ -57,11 +57,6 @@ def test_level_and_target_follow_the_calls() -> None:
     assert controller.step(OPEN, np.int64(4)).tolist() == [0.0] * 16  # type: ignore[arg-type]
     assert controller.level == 4
     np.testing.assert_array_equal(controller.target_rad, OPEN)
-    limp = np.full(16, 0.3)
-    controller.reset(limp)
-    assert controller.level is None
-    np.testing.assert_array_equal(controller.target_rad, limp)
-    assert controller.step(limp, 5).tolist() == [0.0] * 16
 
 
 def test_out_is_filled_and_may_be_the_angles() -> None:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from fractions import Fraction
 from functools import partial
 from math import hypot, isnan
-from typing import Any, Final, Literal, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
@@ -94,7 +94,7 @@ def floor_kernels(images: Images) -> dict[str, Callable[[], object]]:
     """
     frame, baseline = images
     copy = frame.copy()
-    compare = _c_library().memcmp
+    compare = (ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)).memcmp
     compare.argtypes, compare.restype = (ctypes.c_void_p, ctypes.c_void_p, ctypes.c_size_t), ctypes.c_int
     at, its, n_bytes = frame.ctypes.data, copy.ctypes.data, frame.nbytes
     words = [_as_words(image) for image in (frame, baseline)]
@@ -108,10 +108,6 @@ def floor_kernels(images: Images) -> dict[str, Callable[[], object]]:
         return reduce(words[0]) | reduce(words[1])
 
     return {FLOOR: read_once, NUMPY_FLOOR: read_by_numpy}
-
-
-def _c_library() -> Any:
-    return ctypes.cdll.msvcrt if sys.platform == "win32" else ctypes.CDLL(None)
 
 
 def _as_words(image: NDArray[np.uint8]) -> NDArray[np.uint64]:
