@@ -179,10 +179,16 @@ def _values_of(config: SessionConfig, origins: Mapping[str, str], mounted: str) 
 
 
 def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tuple[SessionConfig, str]:
-    """Set the arm's robot hand to the mounted side; settings that name the other one are refused.
+    """Set the arm's robot hand to the mounted side; settings that name another side or hand are refused.
 
     Return the side, too; ``""`` where the settings name it or no driver knows it.
     """
+    number = getattr(config.hand.options, "device_id", config.hand.device_id)
+    if number != config.hand.device_id and "hand.device_id" in origins:
+        place = f"{where(origins, 'hand.device_id')}: hand.device_id = {config.hand.device_id}"
+        raise ConfigError(
+            f"{place}, but hand.options.device_id = {number}", "set hand.options.device_id alone"
+        )
     side = getattr(config.hand.options, "side", None)
     if config.arm is None or side is None:
         return config, ""

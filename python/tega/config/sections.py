@@ -156,7 +156,7 @@ class HandConfig(Section, frozen=True):
 
     Attributes:
         driver: Name of a hand driver; none means the frames are only recorded.
-        device_id: The hand's number on its bus.
+        device_id: The hand's number on its bus, where the driver has no option of that name.
         options: The driver's own settings.
     """
 

@@ -95,7 +95,8 @@ class BatchSkin:
         late = rng.integers(0, 2 * _LATE_LOOKS + 1, n_trials)
         at = late[:, None] + np.arange(n)
         log = np.log(np.maximum(whole, 1e-6))
-        chance = _normal_cdf((log - math.log(p.threshold)) / p.threshold_log_sd)[at]
+        z = (log - math.log(p.threshold)) / p.threshold_log_sd
+        chance = 0.5 * (1 + _erf(z / math.sqrt(2)))[at]
         intensity, log = whole[at], log[at]
         missed = rng.random((n_trials, n, 2, 1, 1))
         shape = (n_trials, n, 2, 1, 1)
@@ -141,7 +142,3 @@ def _aside(rng: np.random.Generator, n: int, chance: float) -> Array:
 
 
 _erf: Callable[[Array], Array] = np.vectorize(math.erf, otypes=[np.float64])
-
-
-def _normal_cdf(z: Array) -> Array:
-    return 0.5 * (1 + _erf(z / math.sqrt(2)))
