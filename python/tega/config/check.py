@@ -186,9 +186,7 @@ def _with_mounted_hand(config: SessionConfig, origins: Mapping[str, str]) -> tup
     number = getattr(config.hand.options, "device_id", config.hand.device_id)
     if number != config.hand.device_id and "hand.device_id" in origins:
         place = f"{where(origins, 'hand.device_id')}: hand.device_id = {config.hand.device_id}"
-        raise ConfigError(
-            f"{place}, but hand.options.device_id = {number}", "set hand.options.device_id alone"
-        )
+        raise ConfigError(f"{place}, but hand.options.device_id = {number}", "set the latter alone")
     side = getattr(config.hand.options, "side", None)
     if config.arm is None or side is None:
         return config, ""
