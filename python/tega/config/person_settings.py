@@ -62,6 +62,8 @@ def with_person(loaded: LoadedConfig, *, given: set[str]) -> LoadedConfig:
     if heading is not None:
         found |= {f"arm.mapping.{key}": (getattr(heading, key), name) for key in ("yaw_rad", "base_yaw_rad")}
     found |= _of_the_hand(config, folder, person)
+    if getattr(config.stages.decoder.options, "person", "") is None:
+        found["stages.decoder.options.person"] = (person, "calibration.person")  # another's model is refused
     for key, (value, name) in found.items():
         if key in given:
             values[key] = SettingValue(values[key].value, f"{values[key].origin} (wins over {name})")

@@ -243,7 +243,8 @@ def test_a_person_s_hand_is_set_once_and_forearm_and_columns_follow_it(tmp_path:
     assert follows("p01") == ("all", "left")
     assert follows("p02") == ("none", "right")
     assert follows("p01", 'vest.mirror="back"') == ("back", "left"), "what is given wins"
-    loaded = read([*sets, "calibration.person=p01"])
+    loaded = read([*sets, "calibration.person=p01", "stages.decoder.name=learned"])
+    assert loaded.config.stages.decoder.options.person == "p01", "another person's model is refused"
     assert loaded.values["vest.mirror"].origin == "people/p01/person.toml"
     assert loaded.values["arm.mapping.forearm"].origin == "people/p01/person.toml"
     folder.keep_hand("p01", "left")

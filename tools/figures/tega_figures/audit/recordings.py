@@ -96,11 +96,6 @@ def is_session(path: Path) -> bool:
     return path.suffix == ".mcap"
 
 
-def is_emg_file(path: Path) -> bool:
-    """Whether a path is a file of EMG samples, by its ending."""
-    return path.is_file() and path.suffix.lower() in _EMG_SUFFIXES
-
-
 def read_material(
     path: Path,
     listener: Listener,
@@ -119,7 +114,7 @@ def read_material(
     """
     if path.suffix == ".mcap":
         _read_session(path, listener, preset, progress)
-    elif is_emg_file(path):
+    elif path.is_file() and path.suffix.lower() in _EMG_SUFFIXES:
         _read_emg(path, listener, preset, emg)
     else:
         _read_pictures(path, listener, preset, baseline, progress)

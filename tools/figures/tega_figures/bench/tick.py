@@ -110,12 +110,8 @@ def time_ticks(*, budget_s: float) -> list[TickRow]:
     ticks: dict[tuple[str, int], Tick] = {
         (preset, n): Tick(preset, n) for preset in presets for n in range(len(FINGERS) + 1)
     }
-    measured = in_turns(ticks, _stages, budget_s=budget_s)
+    measured = in_turns(ticks, lambda tick: tick.run()[0], budget_s=budget_s)
     return [_row(reading, n, np.concatenate(turns) / 1000.0) for (reading, n), turns in measured.items()]
-
-
-def _stages(tick: Tick) -> tuple[int, ...]:
-    return tick.run()[0]
 
 
 def _row(reading: str, n_in_contact: int, times_us: NDArray[np.float64]) -> TickRow:
