@@ -116,6 +116,7 @@ def test_options_may_be_set_one_by_one(settings: Path) -> None:
         ('recording.dir="a\\u0000b"', r"recording\.dir = 'a.*b': a path holds no NUL character"),
         ("tactile.index.baseline=3", r"tactile\.index\.baseline = 3: "),
         ("tactile.ring.baseline=a.png", r"tactile\.ring\.driver: missing"),
+        ("vest={driver='bhaptics-ble',options={most_hz=100}}", r"most_hz = 100: expected a number <= 50"),
         ("vest.options.port=3", r"vest\.options: given, but no driver is named"),
         (f"tactile={{thumb={DIGIT},index={DIGIT}}}", "index.options.serial = 'D1': tactile.thumb has"),
         ("hand={driver='can-recorder',options={file='squeeze.csv'}}", "squeeze.csv': emg has it, too"),

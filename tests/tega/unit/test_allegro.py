@@ -19,7 +19,7 @@ from reference.hand_bench import PATIENT, driver, limp, pushes
 from reference.played import muscles
 from reference.processes import until
 from tega.config import check_tree
-from tega.devices import SteeredHand, driver_class
+from tega.devices import driver_class
 from tega.devices.hand.allegro import Allegro
 from tega.errors import ConfigError, DeviceUnavailableError, WrongDeviceError
 from tega.hand import CLOSURE_POSES_RAD
@@ -60,7 +60,6 @@ def test_the_emulated_hand_says_what_a_real_one_said() -> None:
 def test_it_steers_on_the_angles_it_reads_and_lets_go() -> None:
     with Emulator("allegro_port", "--seed", "3") as hand:
         with driver(hand) as steered:
-            assert isinstance(steered, SteeredHand)
             _reach(steered, 4)
             truth = hand.say("look")
             assert truth["servo_on"]

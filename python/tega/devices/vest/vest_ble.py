@@ -34,12 +34,13 @@ class BleOptions(VestOptions, frozen=True):
     Attributes:
         address: The vest's Bluetooth address (on macOS its identifier); empty for the first vest found.
         scan_s: How long to listen for it.
-        most_hz: As above; 20 to 50 writes a second are known to work, and more of them pile up in the radio.
+        most_hz: As above, 50 at most: more writes pile up in the radio, and zeros would arrive behind them.
         front_mirror: Swap left and right on the front panel: its sense rests on one published table, see
             ``tega-teleop vest identify``.
     """
 
     address: str = ""
+    most_hz: Annotated[float, msgspec.Meta(ge=10, le=50)] = 50.0
     scan_s: Annotated[float, msgspec.Meta(gt=0, le=30)] = 5.0
     front_mirror: bool = False
 
