@@ -170,7 +170,7 @@ def open_rig(
     if bus.wants(BesideIntent) or bus.wants(BesideContact):
         open_beside(stack, config, prepared, bus)
     condition = open_condition(stack, config, prepared, bus)
-    sinks = open_sinks(stack, config, bus, hand)
+    sinks = open_sinks(stack, config, bus, hand, controls.stop)
     inputs = open_inputs(stack, config)
     for part in joined:
         sinks, inputs = part.sinks(sinks), part.inputs(stack, inputs)

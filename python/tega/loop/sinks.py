@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import ExitStack
 from typing import Any, Final, NamedTuple
 
@@ -20,6 +21,7 @@ from tega.records.bus import Bus
 
 # Nobody wears these.
 _DISPLAYED: Final = ("on-screen-vest", "sound-vest")
+_Hand = HandDriver | SteeredHand | None
 
 
 class Sinks(NamedTuple):
@@ -67,9 +69,9 @@ def live_outputs(to: SessionConfig) -> tuple[bool, list[str]]:
 
 
 def open_sinks(
-    stack: ExitStack, config: SessionConfig, bus: Bus, hand: HandDriver | SteeredHand | None
+    stack: ExitStack, config: SessionConfig, bus: Bus, hand: _Hand, stop: Callable[[], bool]
 ) -> Sinks:
-    """Open the outputs of a run: vest and hand."""
+    """Open the outputs of a run: vest, then hand, unless ``stop`` returns true: then it is ``KeyboardInterrupt``."""
     if config.session.pace == "fast" and (real := live_outputs(config)[1]):
         raise ConfigError(f"session.pace = 'fast', but {real[0]} is live", "set session.pace = 'real'")
     sinks = Sinks([], [], [], None)
@@ -78,6 +80,8 @@ def open_sinks(
         (sinks.live_vests if vest.info.live else sinks.vests).append(vest)
     if hand is not None:
         _listen(hand, bus)
+        if stop():
+            raise KeyboardInterrupt
         stack.enter_context(hand)
         if isinstance(hand, SteeredHand):
             return sinks._replace(steered=hand)
