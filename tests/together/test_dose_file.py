@@ -174,7 +174,7 @@ def test_a_vest_is_made_in_one_place_and_opened_by_who_names_its_wearer() -> Non
         "tega/config/load.py",
         "tega/setup/contract/command.py",
         "tega/setup/doctor/bench.py",
-        "tega/recording/replay/play.py",
+        "tega/loop/sinks.py",
     }
     assert len(worn) == 6
     assert all("dose" in file for file in worn)
