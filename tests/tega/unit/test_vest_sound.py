@@ -113,11 +113,11 @@ def test_a_frame_that_is_not_told_again_fades_after_200_ms() -> None:
 
 def test_it_is_found_by_its_name_and_is_no_vest_that_may_hurt(tmp_path: Path) -> None:
     from tega.config import check_tree
-    from tega.recording.replay.play import _live
+    from tega.loop.sinks import live_outputs
 
     assert driver_class("sound-vest", "vest") is SoundVest
     config = check_tree({"vest": {"driver": "sound-vest"}}, {}, base=tmp_path).config
-    assert _live(config) == (True, [])
+    assert live_outputs(config) == (True, [])
 
 
 @pytest.fixture
