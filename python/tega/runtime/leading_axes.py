@@ -25,7 +25,7 @@ def whole_array(name: str, values: ArrayLike) -> NDArray[Any]:
     """
     if np.ma.is_masked(values):
         hint = "fill the mask first, with numpy.ma.filled"
-        raise InvalidValueError(f"{name} has {np.ma.count_masked(values)} masked values", hint)
+        raise InvalidValueError(f"{name} has {np.count_nonzero(np.ma.getmask(values))} masked values", hint)
     try:
         return np.asarray(values)
     except ValueError as error:
