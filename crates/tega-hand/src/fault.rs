@@ -92,11 +92,19 @@ pub enum Fault {
         still_s: f64,
     },
     /// The hand fell silent and did not come back.
-    #[error("the hand fell silent and did not come back in {tries} attempts")]
+    #[error("the hand fell silent and {}", not_back(*tries))]
     Silent {
         /// Attempts to reach it again.
         tries: u32,
     },
+}
+
+fn not_back(tries: u32) -> String {
+    match tries {
+        0 => "is not opened again: reconnects = 0".to_owned(),
+        1 => "did not come back in 1 attempt".to_owned(),
+        _ => format!("did not come back in {tries} attempts"),
+    }
 }
 
 impl Fault {
@@ -150,5 +158,18 @@ impl Fault {
             Self::Frozen { .. } => "check that motor power is on, then switch the hand off and on",
             Self::Silent { .. } => "check power, cable and adapter, then start again",
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hand_that_may_not_be_opened_again_has_no_attempts() {
+        let texts = [0, 1, 5].map(|tries| Fault::Silent { tries }.to_string());
+        assert_eq!(texts[0], "the hand fell silent and is not opened again: reconnects = 0");
+        assert_eq!(texts[1], "the hand fell silent and did not come back in 1 attempt");
+        assert_eq!(texts[2], "the hand fell silent and did not come back in 5 attempts");
     }
 }
