@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from tega.devices.hand.hand_ends import HandProcess
 
 
+# A guard whose adapter is gone ends at once.
+_GIVES_UP_S = 0.5
 _START_S = 10.0
 _KEPT = 16_384
 # The hand's process reports its state 125 times a second.
@@ -183,7 +185,10 @@ class Allegro(Opened):
         if seen is None or seen.let_go:
             return
         tries = "no other process goes on switching it off"
-        if guard_runs(seen.guard_pid):
+        end_s = time.monotonic() + _GIVES_UP_S
+        while (runs := guard_runs(seen.guard_pid)) and time.monotonic() < end_s:
+            time.sleep(0.02)
+        if runs:
             tries = f"process {seen.guard_pid} goes on switching it off, for {LONGEST_S / 60:g} minutes"
         last_words(
             f"USE THE HAND'S EMERGENCY SWITCH: {self._label}: the hand has not confirmed that its motors are off, "
