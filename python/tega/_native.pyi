@@ -251,6 +251,8 @@ FULL_DUTY_SPEED_RAD_S: Final[float]
 TIME_CONSTANT_S: Final[float]
 MOST_ADDED_LEVELS: Final[float]
 TICK_S: Final[float]
+WARM_C: Final[float]
+TOO_HOT_C: Final[int]
 
 @final
 class HandController:

@@ -4,12 +4,12 @@ use tega_wire::allegro::{Finger, temperature_c};
 
 use crate::joints::{JOINT_NAMES, JOINTS};
 
-/// Above this the torque limits fall, linearly, to [`HOT_SHARE`] at [`HOT_C`].
-const WARM_C: f64 = 60.0;
+/// Temperature of a joint above which the torque limits fall, linearly, to half at 75 °C.
+pub const WARM_C: f64 = 60.0;
 const HOT_C: f64 = 75.0;
 const HOT_SHARE: f64 = 0.5;
-/// A joint this warm is let go.
-const TOO_HOT_C: u8 = 80;
+/// Temperature of a joint at which the hand is let go.
+pub const TOO_HOT_C: u8 = 80;
 /// What was not reported for so long is unknown, which is treated as hot.
 const UNKNOWN_NS: i64 = 5_000_000_000;
 

@@ -40,6 +40,7 @@ pub use bare_clock::bare_clock;
 pub use controller::{Asked, HandController};
 pub use error::HandError;
 pub use fault::Fault;
+pub use heat::{TOO_HOT_C, WARM_C};
 pub use joints::{
     ENCODER_RANGE_RAD, JOINT_LIMITS_RAD, JOINT_NAMES, JOINTS, Joints, STOP_MARGIN_RAD, TICK_S, TORQUE_LIMITS,
 };

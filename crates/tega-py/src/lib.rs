@@ -99,6 +99,10 @@ mod _native {
     #[pymodule_export]
     const MOST_ADDED_LEVELS: f64 = tega_hand::MOST_ADDED_LEVELS;
     #[pymodule_export]
+    const WARM_C: f64 = tega_hand::WARM_C;
+    #[pymodule_export]
+    const TOO_HOT_C: u8 = tega_hand::TOO_HOT_C;
+    #[pymodule_export]
     const TICK_S: f64 = tega_hand::TICK_S;
     #[pymodule_export]
     const JOINT_NAMES: [&str; tega_hand::JOINTS] = tega_hand::JOINT_NAMES;

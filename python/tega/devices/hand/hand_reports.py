@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega._native import WARM_C
 from tega.hand.link import HandFault, HandSpoken, HandState
 
 
@@ -124,8 +125,6 @@ _WORDS = {
 }
 _SILENT = "hand: silent; it has not confirmed the command to switch its motors off; reconnecting"
 _UNSENT = f"hand: {_WORDS['unsent']}"
-# Above this the hand's link reduces the torque.
-_WARM_C = 60
 # A set of torques is one frame to each finger.
 _FRAMES_A_SET = 4
 
@@ -170,7 +169,7 @@ class HandAlert:
             warmest_c = max((c for c in state.joints_c if c is not None), default=0)
             why = (
                 f"a joint is at {warmest_c} °C"
-                if warmest_c > _WARM_C
+                if warmest_c > WARM_C
                 else "it warns, or a temperature or its status is missing"
             )
             return f"hand: its torque is limited to {100 * state.heat_share:.0f} %: {why}"

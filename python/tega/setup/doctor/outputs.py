@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 import msgspec
 import numpy as np
 
+from tega._native import TOO_HOT_C
 from tega.devices import HarmlessDevice, driver_class
 from tega.devices.base import ReportingHand, optional
 from tega.devices.machine import bluetooth_trouble, can_links, link_trouble
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 # Temperatures come twice a second.
 _POLLS, _POLL_S = 10, 0.12
-_TOO_HOT_C = 80
 
 
 def try_hand(case: DriverCase) -> list[Finding]:
@@ -56,9 +56,9 @@ def try_hand(case: DriverCase) -> list[Finding]:
         findings.append(case.reported(label, "warning", text))
     if problem:
         findings.append(case.reported(label, "warning", problem.removeprefix("hand: ")))
-    too_hot = measured.get("warmest_joint_c", 0) >= _TOO_HOT_C
+    too_hot = measured.get("warmest_joint_c", 0) >= TOO_HOT_C
     if too_hot or state.must_stop:
-        text = f"a joint is at {_TOO_HOT_C} °C or more" if too_hot else "the hand reports a temperature fault"
+        text = f"a joint is at {TOO_HOT_C} °C or more" if too_hot else "the hand reports a temperature fault"
         todo = "let it cool with its power on; then switch it off and on"
         findings.append(case.reported(label, "error", f"{text}: a run lets go of it at once", todo=(todo,)))
     return findings
