@@ -10,13 +10,13 @@ import msgspec
 import numpy as np
 import pytest
 
-from reference.kept import NOW, touch, worn
+from reference.kept import NOW, muscles, touch, worn
 from reference.scripted import touching
 from tega.arm import StampedPose
 from tega.arm.frames import ToBase
 from tega.config import LoadedConfig, SessionConfig, SettingValue, load_config
 from tega.config.calibration.folder import CalibrationFolder, device_name
-from tega.config.calibration.records import TouchRecord, VestCalibration, read_record
+from tega.config.calibration.records import EmgRecord, TouchRecord, VestCalibration, read_record
 from tega.config.calibration.store import EmgMaxima
 from tega.devices.base import DeviceInfo, EmgChunk
 from tega.errors import CalibrationError, ConfigError, DeviceUnavailableError, TegaError
@@ -135,6 +135,8 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
         path.write_text(good.replace(*change))
         with pytest.raises(CalibrationError, match=message):
             folder.record("p01", TouchRecord, "D1")
+    with pytest.raises(CalibrationError, match="lowpass_hz = 20"):
+        read_record(folder.keep(muscles(lowpass_hz=20.0)), EmgRecord)
     path.write_text(good)
     with pytest.raises(CalibrationError):
         read_record(path, VestCalibration)

@@ -90,7 +90,7 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     """Rest and full effort of each channel, and the conditions under which they hold.
 
     Attributes:
-        lowpass_hz: Cutoff of the filter before the block mean.
+        lowpass_hz: Cutoff of the filter before the block mean; a record of another one is refused.
         settings: The driver's options that change the numbers, such as the gain.
         unit: Unit of the numbers below.
         live_max: 95th percentile of the block means of strong squeezes; the preset scales it by 0.8.
@@ -110,7 +110,7 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     kind: Literal["raw", "rectified", "envelope"]
     rate_hz: float
     tau_samples: int
-    lowpass_hz: float = 50.0
+    lowpass_hz: Annotated[float, msgspec.Meta(ge=50, le=50)] = 50.0
     settings: str = ""
     unit: str
     channels: tuple[str, ...]
