@@ -26,12 +26,9 @@ from tega.loop.touch import TouchLoop
 from tega.records import Contact
 from tega.stages import NamedValue
 from tega.stages.columns import ColumnsMapping, ColumnsOptions
-from tega_figures.felt.information import Discriminant
 from tega_figures.felt.shown import score_lifts
-from tega_figures.felt.skin import BatchSkin
 from tega_sim.lab import lab_of
 from tega_sim.operator import ScriptedOperator
-from tega_sim.operator.person import typical_person
 from tega_sim.operator.scripted import DEFAULT_COURSE, Step
 from tega_sim.plan import TrialPlan, loop_settings
 from tega_sim.streams import Streams
@@ -186,18 +183,6 @@ def test_the_paper_and_recordings_of_the_earlier_default_keep_the_printed_law(tm
     recorded = read_recorded(path)
     assert recorded.head.config.session.preset == "live"
     assert recorded.head.config.stages.mapping.name == "columns"
-
-
-def test_a_vest_that_is_off_is_not_felt_and_motors_are_named_by_their_place() -> None:
-    rng = np.random.default_rng(6)
-    skin = BatchSkin(typical_person().vest)
-    off = np.zeros((50, 40), np.uint8)
-    assert np.ptp(skin.percepts(off, 50, rng), axis=0).max() == 0
-    places = [np.eye(40, dtype=np.uint8)[[motor] * 50] * np.uint8(15) for motor in (0, 3)]
-    percepts = np.concatenate([skin.percepts(levels, 100, rng) for levels in places])
-    stimuli = np.repeat([0, 1], 100)
-    named = Discriminant(percepts[::2], stimuli[::2]).named(percepts[1::2])
-    assert (named == stimuli[1::2]).mean() > 0.9
 
 
 BESIDE = (

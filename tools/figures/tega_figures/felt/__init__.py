@@ -1,1 +1,1 @@
-"""Measure what a mapping lets a simulated person distinguish: information, thresholds, dose and habituation."""
+"""Count what a simulated person feels of the forces in lifts."""
