@@ -13,9 +13,7 @@ import pytest
 from msgspec.structs import replace
 
 import tega
-from reference import record_fields
 from reference.installed import OWN_FEATURE, own_feature, python
-from reference.record_fields import FILE, Table, fields_now, own_messages, problems
 from reference.sessions import messages, reported, rewritten
 from tega.errors import RecordingError
 from tega.recording.inspection import inspect_file
@@ -25,6 +23,8 @@ from tega.recording.replay import replay_file
 from tega.recording.session import VERSION
 from tega.records import RECORDS, Contact, HandExchange, NamedValue, Record
 from tega.records.schema import own_schema, read, schema_name
+from tega_figures import record_fields
+from tega_figures.record_fields import FILE, Table, fields_now, own_messages, problems
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -130,12 +130,12 @@ TESTS = Path(__file__).parents[1]
 
 @pytest.mark.skipif(not OWN_FEATURE.is_dir(), reason="not a checkout")
 def test_records_of_an_installed_foreign_feature_are_left_out(tmp_path: Path) -> None:
-    known = record_fields.FILE.read_text(encoding="utf-8")
+    known = FILE.read_text(encoding="utf-8")
     file = tmp_path / "record-fields.json"
     file.write_text(known, encoding="utf-8")
     program = (
         "import pathlib; from tega.recording.mcap_schemas import record_messages; assert 'Grip' in record_messages()\n"
-        f"from reference import record_fields as r; r.FILE = pathlib.Path({str(file)!r}); r.update()\n"
+        f"from tega_figures import record_fields as r; r.FILE = pathlib.Path({str(file)!r}); r.update()\n"
         "assert r.own_messages().keys() == record_messages().keys() - {'Grip'}"
     )
     assert python("-c", program, folder=TESTS, site=own_feature(tmp_path))[0] == ""
@@ -143,13 +143,12 @@ def test_records_of_an_installed_foreign_feature_are_left_out(tmp_path: Path) ->
 
 
 def test_a_tega_that_is_not_of_the_checkout_is_named_and_refused(tmp_path: Path) -> None:
-    for name in ("reference/record_fields.py", "golden/record-fields.json"):
-        (tmp_path / "tests" / name).parent.mkdir(parents=True)
-        shutil.copy(TESTS / name, tmp_path / "tests" / name)
-    file = tmp_path / "tests/golden/record-fields.json"
+    program, file = (tmp_path / Path(one).relative_to(TESTS.parent) for one in (record_fields.__file__, FILE))
+    for to in (program, file):
+        to.parent.mkdir(parents=True)
+    shutil.copy(record_fields.__file__, program)
     file.write_text("{}")
-    words, folder = ("-m", "reference.record_fields", "--update"), tmp_path / "tests"
-    _, told = python(*words, folder=folder, site=folder, code=1)
+    _, told = python(str(program), "--update", folder=tmp_path, site=tmp_path, code=1)
     assert f"tega is read from {Path(tega.__file__).resolve().parent}" in told
     assert "make setup" in told
     assert file.read_text() == "{}"
@@ -160,7 +159,7 @@ def test_a_record_has_the_field_numbers_that_its_files_have() -> None:
     messages = own_messages()
     assert problems(table, messages) == []
     for name, kind in messages.items():
-        assert str(getattr(kind, "version", 1)) in table[name], "python -m reference.record_fields --update"
+        assert str(getattr(kind, "version", 1)) in table[name], "record_fields.py --update"
 
 
 def made(version_: int, annotations: Mapping[str, type], **defaults: float) -> Any:

@@ -1,8 +1,8 @@
 """Field numbers of the records' messages by version, as files of every version have them.
 
-``tests/golden/record-fields.json`` holds them. After a change of a record, from the folder ``tests``::
+``tests/golden/record-fields.json`` holds them. After a change of a record::
 
-    python -m reference.record_fields --update
+    python tools/figures/tega_figures/record_fields.py --update
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from tega.records import RECORDS
 from tega.records.schema import Part, fields, parts, schema_name
 from tega.runtime.features import having, load_target
 
-FILE = Path(__file__).parent.parent / "golden" / "record-fields.json"
+FILE = Path(__file__).parents[3] / "tests" / "golden" / "record-fields.json"
 
 Fields = list[str]
 """Type and name of each field; the first has number 1."""
@@ -83,7 +83,7 @@ def update() -> None:
     for name, kind in messages.items():
         versions, version = table.setdefault(name, {}), str(getattr(kind, "version", 1))
         if version not in versions:
-            print(f"{name}: version {version} added")  # noqa: T201  # this is a program
+            print(f"{name}: version {version} added")  # this is a program
         versions[version] = fields_now(kind)
     text = json.dumps(dict(sorted(table.items())), indent=1, ensure_ascii=False)
     FILE.write_text(f"{text}\n", encoding="utf-8")
