@@ -210,7 +210,7 @@ OF_DEVICES: Final = (
     Guard(
         "last words name a process without a look at it",
         "tega/unit/test_hand_guard::last_words_name_no_process_that_does_not_run",
-        "        if guard_runs(seen.guard_pid):",
+        "        if guarded:",
         "        if seen.guard_pid or True:",
     ),
     Guard(

@@ -186,9 +186,9 @@ class Allegro(Opened):
             return
         tries = "no other process goes on switching it off"
         end_s = time.monotonic() + _GIVES_UP_S
-        while (runs := guard_runs(seen.guard_pid)) and time.monotonic() < end_s:
+        while (guarded := guard_runs(seen.guard_pid)) and time.monotonic() < end_s:
             time.sleep(0.02)
-        if runs:
+        if guarded:
             tries = f"process {seen.guard_pid} goes on switching it off, for {LONGEST_S / 60:g} minutes"
         last_words(
             f"USE THE HAND'S EMERGENCY SWITCH: {self._label}: the hand has not confirmed that its motors are off, "
