@@ -84,6 +84,22 @@ impl Whole {
     }
 }
 
+/// Three numbers, one a colour; of another length a `ShapeError`, where `PyO3` raises a plain `ValueError`.
+pub(crate) struct Colours(pub(crate) [f64; 3]);
+
+impl FromPyObject<'_, '_> for Colours {
+    type Error = PyErr;
+
+    fn extract(given: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        let numbers: Vec<f64> = given.extract()?;
+        let wrong = |numbers: Vec<f64>| {
+            let message = format!("{} numbers, wanted 3", numbers.len());
+            ShapeError::new_err((message, "give one for each colour"))
+        };
+        Ok(Self(numbers.try_into().map_err(wrong)?))
+    }
+}
+
 fn why_not_an_image(name: &str, value: &Bound<'_, PyAny>) -> BindError {
     let (Ok(dtype), Ok(shape)) = (value.getattr("dtype"), value.getattr("shape")) else {
         let kind = value.get_type().name().map_or_else(|_| "object".to_owned(), |n| n.to_string());

@@ -11,7 +11,7 @@ use tega_tactile::{
     PaperScratch, Scratch, SensorNoise, Spread, TactileError, Weights, many, read_live, read_paper,
 };
 
-use crate::arguments::{Whole, image};
+use crate::arguments::{Colours, Whole, image};
 use crate::errors::BindError;
 use crate::shared::{KEEP_UP_TO, Shared, released};
 
@@ -51,7 +51,7 @@ impl Equations {
     #[new]
     #[pyo3(signature = (*, weights, order, difference, spread, factor, centroid_value, gate))]
     fn new(
-        weights: (f64, f64, f64),
+        weights: Colours,
         order: &str,
         difference: &str,
         spread: &str,
@@ -59,8 +59,9 @@ impl Equations {
         centroid_value: &str,
         gate: Option<(f64, Whole)>,
     ) -> Result<Self, BindError> {
+        let Colours([red, green, blue]) = weights;
         Ok(Self(Options {
-            weights: Weights::printed(weights.0, weights.1, weights.2)?,
+            weights: Weights::printed(red, green, blue)?,
             order: choice("order", order, &ORDERS)?,
             difference: choice("difference", difference, &DIFFERENCES)?,
             spread: choice("spread", spread, &SPREADS)?,
@@ -151,15 +152,15 @@ pub(crate) struct Preset {
 }
 
 /// Noise as it comes from Python: blue, green, red, counts; that of a DIGIT where none is given.
-pub(crate) fn noise_of(bgr: Option<[f64; 3]>) -> Result<SensorNoise, BindError> {
-    Ok(bgr.map(SensorNoise::of_counts).transpose()?.unwrap_or_default())
+pub(crate) fn noise_of(bgr: Option<Colours>) -> Result<SensorNoise, BindError> {
+    Ok(bgr.map(|Colours(bgr)| SensorNoise::of_counts(bgr)).transpose()?.unwrap_or_default())
 }
 
 #[pymethods]
 impl Preset {
     #[new]
     #[pyo3(signature = (*, reading, order, outline, noise))]
-    fn new(reading: &str, order: &str, outline: &str, noise: Option<[f64; 3]>) -> Result<Self, BindError> {
+    fn new(reading: &str, order: &str, outline: &str, noise: Option<Colours>) -> Result<Self, BindError> {
         Ok(Self {
             reading: choice("reading", reading, &READINGS)?,
             order: choice("order", order, &ORDERS)?,

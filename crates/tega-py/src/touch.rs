@@ -8,7 +8,7 @@ use pyo3::types::{PyTuple, PyType};
 use tega_error::choice;
 use tega_tactile::{GelLight, LIGHT_TERMS, SensorNoise, Touch, TrackerOptions};
 
-use crate::arguments::{Whole, image};
+use crate::arguments::{Colours, Whole, image};
 use crate::errors::{BindError, ShapeError};
 use crate::shared::{KEEP_UP_TO, Shared, released};
 use crate::tactile::{ORDERS, OUTLINES, noise_of};
@@ -184,7 +184,7 @@ impl TouchTracker {
     fn new(
         baseline: &Bound<'_, PyAny>,
         rate_hz: f64,
-        noise: Option<[f64; 3]>,
+        noise: Option<Colours>,
         light: Option<Light>,
         order: &str,
         outline: &str,

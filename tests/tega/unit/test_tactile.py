@@ -105,6 +105,12 @@ def test_options_out_of_range_are_refused_by_name(options, words) -> None:
     with pytest.raises(InvalidValueError) as caught:
         contact_metrics(FLAT, FLAT, **options)
     assert all(word in str(caught.value) for word in words)
+    for call in (
+        lambda: contact_metrics(FLAT, FLAT, weights=(1.0,)),  # type: ignore[arg-type]
+        lambda: TouchTracker(FLAT, noise=[1.0]),
+    ):
+        with pytest.raises(ShapeError, match="1 numbers, wanted 3"):
+            call()
     with pytest.raises(InvalidValueError, match="reading = 'best' is not known; use 'paper' or 'live'"):
         read_contact(FLAT, FLAT, reading="best")  # type: ignore[arg-type]
 
