@@ -98,8 +98,9 @@ def _field(name: str, attribute: str, of_pair: int | None, hint: Any) -> Message
         unit, wire = meta.extra["unit"], meta.extra["wire"]
     part = hint if isinstance(hint, type) and issubclass(hint, msgspec.Struct) else None
     wire = wire or (schema_name(part) if part is not None else _WIRE[hint])
-    repeated, array = wire.endswith("*"), get_origin(hint) is np.ndarray
-    plain = wire.removesuffix("*")
+    repeated, plain = wire.endswith("*"), wire.removesuffix("*")
+    # NumPy 2.5 has NDArray as a type alias, whose value is the array.
+    array = get_origin(getattr(get_origin(hint), "__value__", hint)) is np.ndarray
     return MessageField(
         name, attribute, of_pair, plain, unit, repeated, optional=False, part=part, array=array
     )
