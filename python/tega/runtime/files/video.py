@@ -193,7 +193,9 @@ class VideoFrames:
     def _open(self) -> tuple[Any, Any]:
         path, container = self._path, None
         try:
-            container = self._av.open(str(path), container_options=_CONTAINER, metadata_errors="replace")
+            # PyAV 19 reads titles in any encoding, and refuses the option for them.
+            titles = {} if int(self._av.__version__.split(".")[0]) >= 19 else {"metadata_errors": "replace"}
+            container = self._av.open(str(path), container_options=_CONTAINER, **titles)
             stream = container.streams.video[0]
             stream.codec_context.thread_count = 1
             stream.codec_context.options = _DECODER
@@ -310,7 +312,7 @@ def _oriented(image: NDArray[np.uint8], matrix: tuple[int, int, int, int]) -> ND
 
 def _display_matrix(frame: Any) -> tuple[int, int, int, int] | None:
     """Return the signs of a frame's display matrix; ``None`` for none, and for an angle that is no multiple of 90°."""
-    data = next((bytes(one) for one in frame.side_data if one.type.name == "DISPLAYMATRIX"), b"")
+    data = bytes(frame.side_data.get("DISPLAYMATRIX", b""))
     if len(data) != 36:
         return None
     a, b, _, c, d = np.frombuffer(data, np.int32, 5).astype(np.int64)
