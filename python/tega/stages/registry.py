@@ -26,13 +26,21 @@ from tega.stages.base import Decoder, Mapping, Metric, Reflex, StageOptions
 _UNITS = {
     "hz": "Hz",
     "s": "s",
+    "s2": "s²",
     "ms": "ms",
+    "h": "h",
     "n": "N",
+    "nm": "N·m",
+    "kg": "kg",
     "mm": "mm",
+    "m": "m",
     "px": "px",
     "percent": "%",
     "rad": "rad",
     "dbfs": "dBFS",
+    "levels": "levels",
+    "mib": "MiB",
+    "beta": "1",
 }
 REMOVED: Final = {
     "stages.metric shear": Removed(
@@ -47,8 +55,8 @@ def unit_of(key: str) -> str:
     """Return the unit that a dotted key's last part names; percent where a page says so, else ``""``.
 
     Example:
-        >>> unit_of("hand.rise_levels_per_s"), unit_of("stages.metric.mm_per_px"), unit_of("vest.rate_hz")
-        ('levels/s', 'mm/px', 'Hz')
+        >>> unit_of("hand.rise_levels_per_s"), unit_of("arm.limits.speed_m_s"), unit_of("vest.rate_hz")
+        ('levels/s', 'm/s', 'Hz')
     """
     last = key.rpartition(".")[2]
     if key in _PERCENT:
@@ -58,7 +66,8 @@ def unit_of(key: str) -> str:
         over = len(words) - 1 - words[::-1].index("per")
         unit, under = words[over - 1], words[over + 1]
         return f"{_UNITS.get(unit, unit)}/{_UNITS.get(under, under)}"
-    return _UNITS.get(words[-1], "") if len(words) > 1 else ""
+    # One unit, or one by another: speed_m_s.
+    return "/".join(_UNITS[word] for word in words[1:][-2:] if word in _UNITS and words[-1] in _UNITS)
 
 
 Group = Literal["metric", "decoder", "mapping", "layout", "reflex"]
