@@ -100,9 +100,12 @@ def stages(*, as_json: bool) -> None:
         return
     for number, (group, title) in enumerate(_TITLES.items()):
         click.echo(f"{'' if number == 0 else chr(10)}{title}")
-        for stage in (one for one in found if one.group == group):
+        listed = [one for one in found if one.group == group]
+        column = max((len(stage.name) for stage in listed), default=0)
+        for stage in listed:
             brought = "" if stage.package == "tega" else f" [{stage.package}]"
-            click.echo(f"  {stage.name:<10} {stage.summary if stage.ready else stage.problem}{brought}")
+            about = stage.summary if stage.ready else with_origin(stage.problem)
+            click.echo(f"  {stage.name:<{column}}  {about}{brought}")
             for name, unit in stage.values.items():
                 click.echo(f"      measures {name}{'' if unit == '1' else f', {unit}'}")
             width = max((len(option.name) for option in stage.options), default=0)
