@@ -53,7 +53,6 @@ def test_it_gives_the_newest_picture_once_and_turned() -> None:
         assert second is not None
         assert second.seq > first.seq + 5
         assert first.t_ns < second.t_ns <= time.monotonic_ns()
-        assert digit.read(0.0) is None or digit.counts.used > 0
     with pytest.raises(DeviceUnavailableError, match="not open"):
         digit.read(0.0)
     assert digit.counts.lost == 0
@@ -164,11 +163,12 @@ def test_as_sent_and_another_size() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{}, {"serial": "D20641", "source": "x"}, {"source": "x", "led": (16, 0, 0)}]
+    "options",
+    [{}, {"serial": "D1", "source": "x"}, {"source": "x", "led": (16, 0, 0)}, {"source": "/dev/video97"}],
 )
 def test_settings_that_cannot_be(options: dict[str, Any]) -> None:
     make: Any = DigitOptions
-    with pytest.raises(ConfigError):
+    with pytest.raises((ConfigError, DeviceUnavailableError), match=r"either|0 to 15|no /dev/video97"):
         Digit(make(**options)).open()
 
 
@@ -185,9 +185,7 @@ def test_a_picture_with_the_end_of_the_one_before_is_torn() -> None:
 
     one, two = (random.integers(60, 120, (240, 320, 3), dtype=np.uint8) for _ in range(2))
     assert judged(one) == "good"
-    mixed = two.copy()
-    mixed[200:] = one[200:]
-    assert judged(mixed) == "torn"
+    assert judged(np.concatenate([two[:200], one[200:]])) == "torn"
     assert judged(two) == "good"
     assert [judged(two.copy()) for _ in range(4)] == ["duplicate"] * 4
     assert (counts.stuck, counts.duplicate, counts.torn, counts.used) == (1, 4, 1, 2)

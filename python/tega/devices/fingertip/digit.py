@@ -6,6 +6,7 @@ import os
 import threading
 import time
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -30,6 +31,7 @@ from tega.devices.fingertip.video_nodes import (
     find_node,
     keep_own_size,
     read_picture,
+    video_nodes,
 )
 from tega.errors import ConfigError, DeviceUnavailableError
 from tega.runtime.device_items import CameraCounts
@@ -219,6 +221,12 @@ class Digit(Drained):
         node = None if o.serial is None else find_node(o.serial)
         place, access = camera_place(str(o.source) if node is None else node.device)
         local = access != "CAP_FFMPEG"
+        if access == "CAP_V4L2" and not Path(str(place)).exists():
+            found = ", ".join(node.device for node in video_nodes()) or "none"
+            raise DeviceUnavailableError(
+                f"digit {self.info.label}: there is no {place}; cameras: {found}",
+                "plug it in, or name one of these as source",
+            )
         if local:
             capture = cv2.VideoCapture(place, getattr(cv2, access))
         else:
@@ -254,7 +262,7 @@ class Digit(Drained):
         if size != (o.width, o.height):
             raise DeviceUnavailableError(
                 f"digit {self.info.label}: asked for {o.width}×{o.height}, the camera gives {size[0]}×{size[1]}",
-                "a DIGIT has 320×240 at 60 or 30 and 640×480 at 30 or 15 pictures a second",
+                f"set width = {size[0]} and height = {size[1]}; a DIGIT has 320×240 and 640×480",
             )
         rate_hz = float(capture.get(cv2.CAP_PROP_FPS))
         if rate_hz > 0:
