@@ -80,6 +80,10 @@ class IndexedReader(McapReader):
         self.from_ns = min((chunk.from_ns for chunk in self._chunks), default=0)
         self.until_ns = max((chunk.until_ns for chunk in self._chunks), default=0)
 
+    def __reduce__(self) -> tuple[Callable[[Path], IndexedReader], tuple[Path]]:
+        """Open the file again in another process, such as a loader of pictures."""
+        return open_indexed, (self.path.absolute(),)
+
     def holds(self, topic: str) -> bool:
         """Return whether there is any message of a topic; no list of them is read."""
         if self._passed:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import pickle
 import sys
 from itertools import pairwise
 from pathlib import Path
@@ -105,7 +106,7 @@ def test_pictures_are_decoded_one_by_one(lossless: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(Plan, "message", counted)
     topic = "/tactile/thumb/image"
-    pictures = tega.open_recording(lossless)[topic]
+    pictures = pickle.loads(pickle.dumps(tega.open_recording(lossless)[topic]))
     assert (len(pictures), decoded) == (90, [])
     found = by_the_public_reader(lossless, topic)
     for number in (40, -1, 0):
@@ -208,18 +209,16 @@ def test_frames_and_tables_carry_topic_and_clock(lossless: Path) -> None:
     assert arrow.schema.metadata[b"topic"] == CONTACT.encode()
     for name in table.dtype.names or ():
         assert np.array_equal(frame[name].to_numpy(), table[name], equal_nan=table[name].dtype.kind == "f")
-        assert np.allclose(
-            np.array(arrow[name].to_pylist(), float), table[name].astype(float), equal_nan=True
-        )
+        column = np.array(arrow[name].to_pylist(), float)
+        assert np.allclose(column, table[name].astype(float), equal_nan=True)
     assert "1970" not in topic.clock
 
 
 @pytest.mark.parametrize(("package", "method"), [("pandas", "to_pandas"), ("pyarrow", "to_arrow")])
 def test_a_missing_package_is_named(lossless, monkeypatch, package, method):
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(MissingExtraError, match="pip install") as reported:
+    with pytest.raises(MissingExtraError, match=rf"{package}.*pip install"):
         getattr(tega.open_recording(lossless)[CONTACT], method)()
-    assert package in str(reported.value)
 
 
 def test_an_unknown_topic_has_the_message_s_fields(lossless: Path) -> None:
@@ -227,9 +226,8 @@ def test_an_unknown_topic_has_the_message_s_fields(lossless: Path) -> None:
     assert find_kind("/elsewhere", "tega.Contact") is None
     topic = tega.open_recording(lossless)[CONTACT]
     topic.kind = None
-    assert topic.columns()["eda"].tolist() == [
-        value.eda for _, value in by_the_public_reader(lossless, CONTACT)
-    ]
+    found = [value.eda for _, value in by_the_public_reader(lossless, CONTACT)]
+    assert topic.columns()["eda"].tolist() == found
 
 
 @pytest.mark.parametrize("content", [b"", b"no MCAP", b"\x89MCAP0\r\n"])
@@ -264,9 +262,8 @@ def test_an_export_and_the_topics_name_their_columns_alike(lossless: Path, tmp_p
         ours = set(recording[topic].columns()) - alone.get(topic, set())
         assert exported - ours <= {"chunk_t_s", "dropped_topics"}, topic
         # A field that no message has is no column of an export.
-        assert {name for name in ours - exported if np.any(~_missing(recording[topic].columns()[name]))} <= {
-            "t_s"
-        }, topic
+        more = {name for name in ours - exported if np.any(~_missing(recording[topic].columns()[name]))}
+        assert more <= {"t_s"}, topic
 
 
 def _missing(column: Any) -> Any:
