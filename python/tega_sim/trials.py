@@ -18,10 +18,11 @@ from typing import IO, Any, TypeVar
 
 import msgspec
 
-from tega.errors import ConfigError, MissingExtraError, RecordingError
+from tega.errors import ConfigError, RecordingError
 from tega.runtime.child_process import isolated_workers
 from tega.runtime.files.foreign_file import parse_json, read_foreign
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.lifecycle import require
 from tega_sim.operator import load_parameters, people_digest
 from tega_sim.trial import TrialPlan, TrialResult, run_trial
 from tega_sim.world.objects import ObjectSpec, trial_fields, variant_name
@@ -42,13 +43,10 @@ def over_cores(work: Callable[[Job], Result], jobs: Sequence[Job], workers: int)
     if workers == 1 or len(jobs) < 2:
         yield from map(work, jobs)
         return
-    try:
-        from joblib import Parallel, delayed
-    except ImportError as error:
-        raise MissingExtraError("joblib is not installed", "pip install 'tega[sim]'") from error
-    parallel = Parallel(n_jobs=min(workers, len(jobs)), return_as="generator_unordered", batch_size=1)
+    joblib: Any = require("joblib", driver="sim trials", extra="sim")
+    parallel = joblib.Parallel(n_jobs=min(workers, len(jobs)), return_as="generator_unordered", batch_size=1)
     with isolated_workers():
-        results: Iterable[Any] = parallel(delayed(_in_worker)(work, job, os.getpid()) for job in jobs)
+        results: Iterable[Any] = parallel(joblib.delayed(_in_worker)(work, job, os.getpid()) for job in jobs)
     yield from results
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tega.errors import MissingExtraError
+from tega.runtime.lifecycle import require
 from tega_study.analyse import Analysis
 from tega_study.coupling import TouchCourse, on_grid
 
@@ -39,11 +39,9 @@ def p_text(p: float | None) -> str:
 
 def new_figure(width_in: float, height_in: float) -> Figure:
     """Return an empty figure; ``MissingExtraError`` without matplotlib."""
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError("matplotlib is not installed", "pip install 'tega[study]'") from error
-    return Figure(figsize=(width_in, height_in), layout="constrained")
+    figures: Any = require("matplotlib.figure", driver="study report", extra="study")
+    figure: Figure = figures.Figure(figsize=(width_in, height_in), layout="constrained")
+    return figure
 
 
 def svg(figure: Figure) -> str:

@@ -6,10 +6,11 @@ import base64
 from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from tega.errors import InvalidValueError, MissingExtraError
+from tega.errors import InvalidValueError
 from tega.runtime.files.whole_file import write_whole
+from tega.runtime.lifecycle import require
 from tega_study.analyse import Analysis
 from tega_study.compare import SMALLEST_FOR_P, Test
 from tega_study.difference import (
@@ -90,14 +91,11 @@ def report_html(analysis: Analysis, figures: Mapping[str, str]) -> str:
 
 def report_templates() -> Environment:
     """Return the environment of the templates beside this file; ``MissingExtraError`` without Jinja2."""
-    try:
-        from jinja2 import Environment, PackageLoader, StrictUndefined
-    except ImportError as error:
-        raise MissingExtraError("Jinja2 is not installed", "pip install 'tega[study]'") from error
-    made = Environment(
-        loader=PackageLoader("tega_study"),
+    jinja2: Any = require("jinja2", driver="study report", extra="study")
+    made: Environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("tega_study"),
         autoescape=True,
-        undefined=StrictUndefined,
+        undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )

@@ -24,7 +24,8 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.errors import InvalidValueError, MissingExtraError
+from tega.errors import InvalidValueError
+from tega.runtime.lifecycle import require
 
 FEWEST: Final = 6
 """Least number of bursts for a result."""
@@ -252,10 +253,4 @@ def _nothing(commands_s: Sequence[float], problem: str, hint: str) -> Onsets:
 
 def load_signal() -> Any:
     """Import :mod:`scipy.signal`; ``MissingExtraError`` without SciPy."""
-    try:
-        from scipy import signal
-    except ImportError as error:
-        raise MissingExtraError(
-            "the package 'scipy' is not installed", "pip install 'tega[onset]'"
-        ) from error
-    return signal
+    return require("scipy.signal", driver="vest onset", extra="onset")

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from tega.errors import MissingExtraError
 from tega.hand import HandController
 from tega.hand.mjcf import hand_actuators, hand_body
+from tega.runtime.lifecycle import require
 from tega.wire import HAND_FINGERS
 from tega_sim.world.follower import arm_actuators, arm_body
 from tega_sim.world.objects import ObjectSpec
@@ -99,10 +100,7 @@ def step_s(spec: ObjectSpec) -> float:
 
 def import_mujoco() -> Any:
     """Import MuJoCo; a version that computes the grip wrongly counts as missing."""
-    try:
-        import mujoco
-    except ImportError as error:
-        raise MissingExtraError("the simulated world needs mujoco-core", "pip install 'tega[sim]'") from error
+    mujoco = require("mujoco", driver="the simulated world", extra="sim")
     if mujoco.__version__ == "4.0.0":
         raise MissingExtraError(
             "MuJoCo 4.0.0 is installed; with it, gripped objects leap out of the hand",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal
 import click
 
 from tega.config import check_tree, load_config, override_tree
-from tega.errors import MissingExtraError
+from tega.runtime.lifecycle import require
 from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option
 from tega_sim.cli.options import loop_sets
 from tega_study.cli.options import answer, folder_argument, participant_argument, shown_option
@@ -245,10 +245,7 @@ def observe(*, folder: Path, participant: str, rater: str) -> None:
 
     Each rater has a file of their own. Neither the condition nor another rater is shown. Needs the extra observe.
     """
-    from importlib.util import find_spec
-
-    if find_spec("textual") is None:
-        raise MissingExtraError("textual is not installed", "pip install 'tega[observe]'")
+    require("textual", driver="study observe", extra="observe")
     from tega_study.observe.console import Console
 
     Console(folder, participant, rater).run()
