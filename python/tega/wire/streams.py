@@ -47,10 +47,24 @@ class CytonBatch:
         return len(self.counters)
 
 
-class _NumberedPackets:
-    """Counters of a stream of numbered packets."""
+class _Framed:
+    """Counters of the bytes of a stream of packets or frames."""
 
-    _stream: _native.CytonStream | _native.ChordsStream
+    _stream: _native.CytonStream | _native.ChordsStream | _native.SpikerStream
+
+    @property
+    def skipped_bytes(self) -> int:
+        """Bytes so far that belong to no packet or frame given."""
+        return self._stream.stats()[2]
+
+    @property
+    def pending_bytes(self) -> int:
+        """Bytes held back until more arrive."""
+        return self._stream.stats()[3]
+
+
+class _NumberedPackets(_Framed):
+    """Counters of a stream of numbered packets."""
 
     @property
     def packets(self) -> int:
@@ -61,16 +75,6 @@ class _NumberedPackets:
     def missing_packets(self) -> int:
         """Packets missing so far, by the counter."""
         return self._stream.stats()[1]
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes so far that belong to no packet."""
-        return self._stream.stats()[2]
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes held back until more arrive."""
-        return self._stream.stats()[3]
 
 
 class CytonDecoder(_NumberedPackets):
@@ -141,7 +145,7 @@ def chords_channels(data: bytes | bytearray | memoryview) -> int | None:
     return _native.chords_channels(as_bytes(data))
 
 
-class SpikerDecoder:
+class SpikerDecoder(_Framed):
     """Finds frames in the stream of a SpikerShield, which has neither counter nor checksum.
 
     A frame is given when the next one begins, since a loss shows only as a frame of the wrong length.
@@ -152,6 +156,8 @@ class SpikerDecoder:
         >>> SpikerDecoder(3).feed(bytes.fromhex("877F 0000 0400 80")).tolist()
         [[1023, 0, 512]]
     """
+
+    _stream: _native.SpikerStream
 
     def __init__(self, channels: int = 3) -> None:
         self._stream = _native.SpikerStream(channels=channels)
@@ -169,16 +175,6 @@ class SpikerDecoder:
     def bad_frames(self) -> int:
         """Frames refused so far: too short, too long, or with a value above 1023."""
         return self._stream.stats()[1]
-
-    @property
-    def skipped_bytes(self) -> int:
-        """Bytes so far that belong to no frame given."""
-        return self._stream.stats()[2]
-
-    @property
-    def pending_bytes(self) -> int:
-        """Bytes held back until more arrive."""
-        return self._stream.stats()[3]
 
 
 class AsciiEmgDecoder:
