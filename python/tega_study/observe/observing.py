@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from tega.errors import InvalidValueError, RecordingError
 from tega_study.journal import CODES, Journal, JournalEvent, Kind, counting, events_path, read_events
@@ -43,7 +44,7 @@ class Now(NamedTuple):
     following: PlannedTrial | None
 
 
-class Observing:
+class Observing(AbstractContextManager["Observing"]):
     """A rater's file, open; ``DeviceUnavailableError`` if it is open in another console.
 
     Raises ``InvalidValueError`` if ``rater`` cannot be a file's name, or has scored recordings;
@@ -125,10 +126,6 @@ class Observing:
     def close(self) -> None:
         """Close the file."""
         self.journal.close()
-
-    def __enter__(self) -> Self:
-        """Return itself."""
-        return self
 
     def __exit__(self, *_error: object) -> None:
         """Close the file."""

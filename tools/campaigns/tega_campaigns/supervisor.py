@@ -9,9 +9,10 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from itertools import takewhile
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from tega.runtime.child_process import end_child, python_command, python_environment
 
@@ -29,7 +30,7 @@ class SaidLine(NamedTuple):
     said: dict[str, Any]
 
 
-class Supervisor:
+class Supervisor(AbstractContextManager["Supervisor"]):
     """One process of :mod:`tega_campaigns.program` after another.
 
     ``words`` go on its command line, ``environment`` beside this program's own; ``errors`` is the file that
@@ -56,10 +57,6 @@ class Supervisor:
         self.started_s = 0.0
         self.lines: list[SaidLine] = []
         self.memory: list[list[tuple[float, float]]] = []
-
-    def __enter__(self) -> Self:
-        """Start nothing yet."""
-        return self
 
     def __exit__(self, *_error: object) -> None:
         """End what still runs."""

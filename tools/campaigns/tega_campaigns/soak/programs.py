@@ -5,8 +5,8 @@ from __future__ import annotations
 import contextlib
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
-from typing import Any, Self
+from contextlib import AbstractContextManager, contextmanager
+from typing import Any
 
 from tega.errors import TegaError
 from tega.runtime.clock import every
@@ -16,16 +16,12 @@ from tega_emulators.lab import EmulatedLab
 __all__ = ["Programs", "SoakOperator"]
 
 
-class Programs:
+class Programs(AbstractContextManager["Programs"]):
     """Supervisors by program, in the order of their starts; the first has hand, arm and recorder."""
 
     def __init__(self, parts: Mapping[str, Supervisor]) -> None:
         self._parts = dict(parts)
         self.main = next(iter(self._parts.values()))
-
-    def __enter__(self) -> Self:
-        """Start nothing yet."""
-        return self
 
     def __exit__(self, *_error: object) -> None:
         """End what still runs."""

@@ -133,7 +133,9 @@ def _score(
     ours, theirs = _on(grid_s, t_s, wanted), _on(grid_s, *first)
     later_s = delay_s(ours, theirs, _GRID_S) if len(grid_s) > 2 else np.nan
     known = [
-        (f, w) for block, w in zip(blocks, wanted, strict=True) if (f := _force(forces, block)) is not None
+        (f, w)
+        for block, w in zip(blocks, wanted, strict=True)
+        if forces is not None and (f := forces.at(block.t_ns)) is not None
     ]
     return EmgScore(
         reading=variant.name,
@@ -159,7 +161,3 @@ def _on(
     """Return the newest value at each time of a grid."""
     place: np.ndarray[Any, Any] = values[np.searchsorted(t_s, grid_s + 1e-9, side="right") - 1]
     return place
-
-
-def _force(forces: Forces | None, block: Intent) -> float | None:
-    return None if forces is None else forces.at(block.t_ns)
