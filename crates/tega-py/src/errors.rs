@@ -51,6 +51,7 @@ impl From<TactileError> for BindError {
         let args = (e.to_string(), e.hint());
         Self(match e {
             TactileError::ShapeMismatch { .. }
+            | TactileError::Mixed { .. }
             | TactileError::Channels { .. }
             | TactileError::Size { .. }
             | TactileError::Cells { .. } => ShapeError::new_err(args),

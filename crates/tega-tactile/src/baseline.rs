@@ -69,7 +69,7 @@ impl BaselineSurvey {
     ///
     /// # Errors
     /// [`TactileError::Channels`] or [`TactileError::Size`] for a frame that is no colour image,
-    /// [`TactileError::ShapeMismatch`] where it is not as large as the first.
+    /// [`TactileError::Mixed`] where it is not as large as the first.
     pub fn add(&mut self, frame: ArrayView3<'_, u8>) -> Result<(), TactileError> {
         self.frames.push(self.thumbnails.of(frame)?);
         Ok(())
@@ -186,7 +186,7 @@ pub fn estimate_baseline(frames: &[ArrayView3<'_, u8>]) -> Result<EstimatedBasel
 /// halves rounded up.
 ///
 /// # Errors
-/// [`TactileError::NoFrames`] for no images, [`TactileError::ShapeMismatch`] where they differ in size,
+/// [`TactileError::NoFrames`] for no images, [`TactileError::Mixed`] where they differ in size,
 /// [`TactileError::Channels`] where they differ in channels.
 pub fn median_image(frames: &[ArrayView3<'_, u8>]) -> Result<Array3<u8>, TactileError> {
     let first = frames.first().ok_or(TactileError::NoFrames)?;
@@ -227,12 +227,7 @@ fn same_size(first: (usize, usize, usize), other: (usize, usize, usize)) -> Resu
         let channels = if other.2 == 3 { first.2 } else { other.2 };
         return Err(TactileError::Channels { name: "frame", channels });
     }
-    Err(TactileError::ShapeMismatch {
-        frame_h: other.0,
-        frame_w: other.1,
-        baseline_h: first.0,
-        baseline_w: first.1,
-    })
+    Err(TactileError::Mixed { h: other.0, w: other.1, first_h: first.0, first_w: first.1 })
 }
 
 /// At most `most` of `frames`, evenly spread.

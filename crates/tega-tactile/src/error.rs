@@ -17,6 +17,18 @@ pub enum TactileError {
         /// Baseline width in pixels.
         baseline_w: usize,
     },
+    /// Frames that are taken together are not of one size.
+    #[error("frame is {h}x{w} pixels, the first one is {first_h}x{first_w} (height x width)")]
+    Mixed {
+        /// Frame height in pixels.
+        h: usize,
+        /// Frame width in pixels.
+        w: usize,
+        /// Height of the first frame in pixels.
+        first_h: usize,
+        /// Its width in pixels.
+        first_w: usize,
+    },
     /// The last axis does not hold three colour channels.
     #[error("{name} has {channels} channels per pixel, wanted 3")]
     Channels {
@@ -78,6 +90,7 @@ impl TactileError {
             Self::ShapeMismatch { .. } => {
                 "use a baseline taken by the same sensor in the same mode and orientation"
             }
+            Self::Mixed { .. } => "give frames of one sensor in one mode",
             Self::Channels { .. } => "pass colour images of shape (height, width, 3)",
             Self::Size { .. } => "crop or scale the image",
             Self::WeightSum { .. } => {

@@ -83,7 +83,7 @@ fn no_contact_is_no_pixels() {
     let base = baseline(240, 320);
     for seed in 1..4 {
         let (metrics, mask) = read(&frame(&base, &[], seed), &base);
-        assert!(!metrics.in_contact && metrics.cci == 0.0 && metrics.peak == 0.0);
+        assert!(!metrics.in_contact && metrics.cci == 0.0 && metrics.peak == 0.0 && metrics.mass == 0.0);
         assert_eq!((metrics.eda, ones(&mask)), (0, 0));
     }
 }

@@ -60,7 +60,7 @@ impl SensorNoise {
     ///
     /// # Errors
     /// [`TactileError::TooFewFrames`] for fewer than two, [`TactileError::Channels`], [`TactileError::Size`] or
-    /// [`TactileError::ShapeMismatch`] for frames that cannot be compared.
+    /// [`TactileError::Mixed`] for frames that cannot be compared.
     pub fn measure(frames: &[ArrayView3<'_, u8>], order: Order) -> Result<Self, TactileError> {
         let Some(first) = frames.first().filter(|_| frames.len() > 1) else {
             return Err(TactileError::TooFewFrames { frames: frames.len(), wanted: 2 });
@@ -69,7 +69,10 @@ impl SensorNoise {
         let mut strip = Strip::default();
         let mut changes: Vec<Planes> = Vec::with_capacity(frames.len());
         for frame in frames {
-            same_size(&grid, frame)?;
+            let (h, w, _) = frame.dim();
+            if grid_of(frame)? != grid {
+                return Err(TactileError::Mixed { h, w, first_h: grid.height, first_w: grid.width });
+            }
             let mut now = Planes::default();
             average(frame.view(), &grid, &mut strip, &mut now);
             changes.push(now);

@@ -162,7 +162,7 @@ impl Cells {
     /// The dent in the form of the printed equations' metrics.
     pub fn metrics(&self, dent: &Dent) -> ContactMetrics {
         if dent.moments.area == 0 {
-            return ContactMetrics::none(f64::NAN, 0.0, (0, 0));
+            return ContactMetrics::none(0.0, 0.0, (0, 0));
         }
         let (x, y) = dent.middle;
         let height = dent.height(&self.grid) * self.counts_per_unit();
@@ -287,7 +287,7 @@ impl LiveReader {
             self.mask.resize(self.cells.grid.height * self.cells.grid.width, 0);
         }
         self.cells.take(frame)?;
-        let none = ContactMetrics::none(f64::NAN, 0.0, (0, 0));
+        let none = ContactMetrics::none(0.0, 0.0, (0, 0));
         if !self.cells.colour.tells()
             || glance(&mut self.cells, &self.gel) < GATE
             || judge(&mut self.cells, &self.gel) < GATE

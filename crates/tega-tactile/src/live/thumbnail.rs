@@ -32,11 +32,11 @@ impl Thumbnails {
         let grid = grid_of(&frame)?;
         let first = *self.grid.get_or_insert(grid);
         if first != grid {
-            return Err(TactileError::ShapeMismatch {
-                frame_h: grid.height,
-                frame_w: grid.width,
-                baseline_h: first.height,
-                baseline_w: first.width,
+            return Err(TactileError::Mixed {
+                h: grid.height,
+                w: grid.width,
+                first_h: first.height,
+                first_w: first.width,
             });
         }
         let mut planes = Planes::default();
