@@ -157,9 +157,9 @@ def test_cells_without_a_number_are_missing_samples(write: Write) -> None:
 
 def test_rows_of_channels_are_turned(write: Write, tmp_path: Path) -> None:
     same(read_signals(write(EMG.T.tolist(), digits=2)))
-    np.save(tmp_path / "a.npy", EMG[:400].T)
-    found = same(read_signals(tmp_path / "a.npy"), EMG[:400])
-    assert found.decision.words == "3 channels: each row is a channel"
+    for n, words in ((3, "3 channels: each row is a channel"), (1, "")):
+        np.save(tmp_path / "a.npy", EMG[:400, :n].T)
+        assert same(read_signals(tmp_path / "a.npy"), EMG[:400, :n]).decision.words == words
     np.save(tmp_path / "b.npy", np.zeros((100, 130)))
     with pytest.raises(RecordingError, match="either can be the samples; set rows"):
         read_signals(tmp_path / "b.npy")

@@ -168,7 +168,7 @@ def _words(decision: Decision, *, requested: bool) -> str:
         same = len(left) - len(moving)
         parts = _of(moving) + (", " if moving and same else "") + (f"{same} never change" if same else "")
         text.append(parts)
-    if decision.sideways:
+    if decision.sideways and len(decision.channels) > 1:  # of one row it is no question
         text.append("each row is a channel")
     text += [f"decimal {facts['decimal']}"] if facts.get("decimal") == "comma" else []
     text += [f"{facts['encoding']} text"] if facts.get("encoding", "UTF-8") != "UTF-8" else []
