@@ -244,7 +244,7 @@ def test_sim_trials_take_a_labs_settings_keep_them_and_print_trials_and_means(
     assert trial["settings"][-1] == "stages.metric.options.factor=1.0"
     assert any(item.startswith("stages.beside=") and "rules" in item for item in trial["settings"])
     assert json.loads(out.read_text())["settings"] == trial["settings"]
-    assert "1 trials with 1 simulated persons" in call(capsys, *words)[0]
+    assert "trials: 1; simulated persons: 1; took" in call(capsys, *words)[0]
     assert "brick" in call(capsys, "sim", "trials", "--objects", "brick", "--seeds", 1, code=1)[1]
 
 

@@ -154,6 +154,6 @@ def _print(results: list[TrialResult], table: list[Row], *, wall_s: float, jobs:
         },
     )
     out.print(
-        f"{len(results)} trials with {len({r.seed for r in results})} simulated persons took {wall_s:.1f} s "
+        f"trials: {len(results)}; simulated persons: {len({r.seed for r in results})}; took {wall_s:.1f} s "
         f"({jobs} workers)"
     )
