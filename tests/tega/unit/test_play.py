@@ -79,14 +79,15 @@ def test_at_four_times_the_speed_a_vest_is_told_as_often_as_ever(lossless: Path,
     assert len(times) <= len(recorded.of(VestFrame)) / 4 + 1
 
 
-def test_input_is_counted_without_the_lead(played: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_summary_has_no_lead_in_its_input_and_why_it_never_armed(played, capsys):
     summary, _ = played
     length_s = summary["duration_s"]
     ahead = {"duration_s": length_s + 40.0, "played": summary["played"] | {"lead_s": 40.0}}
-    print_summary(summary | ahead, measured={"wall_s": 1.0, "real_time_factor": 1.0})
+    safe = {"changes": [{"t_s": 4.0, "state": "stopped", "reason": ""}], "alerts": ["emg: silent"]}
+    print_summary(summary | ahead | {"safety": safe}, measured={"wall_s": 1.0, "real_time_factor": 1.0})
     printed = capsys.readouterr().out
-    assert f"{length_s:.2f} s of input" in printed
-    assert "times real time" in printed
+    assert all(text in printed for text in (f"{length_s:.2f} s of input", "times real time"))
+    assert "never armed: emg: silent" in printed
 
 
 def test_of_guests_those_that_say_so_join_a_played_run(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -132,6 +132,8 @@ def _print_safety(out: Console, summary: dict[str, Any]) -> None:
         for change in changes:
             table.add_row(f"{change['t_s']:.2f}", change["state"], change["reason"])
         out.print(table)
+    if [change["state"] for change in changes] == ["stopped"] and (alerts := summary["safety"]["alerts"]):
+        out.print(f"never armed: {'; '.join(alerts)}", soft_wrap=True)
     for table in latency_tables(summary.get("latency_ms", {})):
         out.print(table)
     if "motor_onset" in summary:
