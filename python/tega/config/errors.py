@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import types
 import typing
@@ -37,7 +38,13 @@ REMOVED: Final[Mapping[str, Removed]] = {
 }
 """By key, or by ``key = value``. An entry stays for a year."""
 
-CONSTANTS: Final[Mapping[str, float]] = {
+CONSTANTS: Final[Mapping[str, Any]] = {
+    "arm.options.place_m": [0.5, 0.0, 0.3],
+    "arm.options.turn_xyzw": [0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)],
+    "calibration.baseline_old_h": 24.0,
+    "calibration.emg_old_h": 12.0,
+    "calibration.touch_old_h": 720.0,
+    "calibration.vest_old_h": 2160.0,
     "hand.options.send_timeout_s": 0.01,
     "stages.mapping.options.offset_percent": 0.0,
     "stages.mapping.options.remind_s": 1.0,
@@ -47,6 +54,7 @@ CONSTANTS: Final[Mapping[str, float]] = {
     "stages.mapping.options.slip_percent": 100.0,
     "stages.mapping.options.slip_rest_s": 0.1,
     "stages.reflex.options.rise_from": 0.0,
+    "vest.options.app_name": "TEGA",
 }
 """Settings that became constants in 0.3. Files and recordings that have them with this value are read as before."""
 
@@ -73,6 +81,8 @@ def without_constants(tree: Any, prefix: str, known: Collection[str]) -> Any:
     ours = {
         key.rpartition(".")[2]: value for key, value in CONSTANTS.items() if key.rpartition(".")[0] == prefix
     }
+    if not prefix and "calibration" in tree:  # whose keys are checked with all tables of TEGA's own
+        return {**tree, "calibration": without_constants(tree["calibration"], "calibration", ())}
     if not ours or not isinstance(tree, Mapping):
         return tree
     return {name: value for name, value in tree.items() if name in known or ours.get(name, object()) != value}
@@ -132,7 +142,7 @@ def explain(
         full = f"{key}.{name}".lstrip(".")
         if full in CONSTANTS:
             text = f"{_origin(origins, full)}: {full} was taken out in 0.3"
-            return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]:g}")
+            return ConfigError(text, f"leave it out: it is always {CONSTANTS[full]!r}")
         fields = [*_fields_at(kind), *(named("settings") if not key else ())]
         # Tables of features stand under their own names.
         known = [one for one in fields if one != "guests"]

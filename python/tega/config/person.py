@@ -19,7 +19,8 @@ from tega.errors import CalibrationError, TegaError
 
 # By 5 % a rate is another than the one calibrated with: the same limit as for a device that lies about its rate.
 _RATE_TOLERANCE = 0.05
-_HEADING_OLD_H = 12.0
+# A record older than this is warned of, hours.
+_BASELINE_OLD_H, _TOUCH_OLD_H, _EMG_OLD_H, _VEST_OLD_H, _HEADING_OLD_H = 24.0, 720.0, 12.0, 2160.0, 12.0
 _FRAME_S = 1.0
 _NOT_SETTINGS = {"port", "baud", "measure_s", "silence_s", "start_s", "channels", "rate_hz", "by", "value"}
 
@@ -164,13 +165,13 @@ class PersonRecords:
 
     def touch_warnings(self, finger: str, record: TouchRecord) -> list[str]:
         """Warn if a fingertip's maxima or baseline are old, and repeat their notes."""
-        limits, command = self._config.calibration, self.command("touch")
-        warnings = self._old(f"{finger}: maxima", record.made, limits.touch_old_h, command)
+        command = self.command("touch")
+        warnings = self._old(f"{finger}: maxima", record.made, _TOUCH_OLD_H, command)
         baseline = self._config.tactile[finger].baseline
         newest = next((g for g in self.folder.gels(record.device) if g.picture == baseline), None)
         if newest is not None:
             made, refresh = newest.record.made, self.command(refresh=True)
-            warnings += self._old(f"{finger}: baseline", made, limits.baseline_old_h, refresh)
+            warnings += self._old(f"{finger}: baseline", made, _BASELINE_OLD_H, refresh)
             warnings += [f"{finger}: {note}" for note in newest.record.notes]
         warnings += refused_law(finger, record.live, command)
         return warnings + [f"{finger}: {note}" for note in record.notes]
@@ -178,7 +179,7 @@ class PersonRecords:
     def emg_warnings(self, record: EmgRecord) -> list[str]:
         """Warn if rest and maxima of the muscles are old, and repeat their notes."""
         made = max(record.made, record.refreshed or record.made)
-        warnings = self._old("EMG", made, self._config.calibration.emg_old_h, self.command(refresh=True))
+        warnings = self._old("EMG", made, _EMG_OLD_H, self.command(refresh=True))
         return warnings + [f"EMG calibration: {note}" for note in record.notes]
 
     def vest_warnings(self) -> list[str]:
@@ -194,7 +195,7 @@ class PersonRecords:
             instead = self.folder.others(person, "vest", device)
             text = f"vest: {person}'s threshold on {device} is not known{f' ({instead})' if instead else ''}"
             return [f"{text}, so weak touch may not be felt: {command}"]
-        warnings = self._old("vest", record.made, self._config.calibration.vest_old_h, command)
+        warnings = self._old("vest", record.made, _VEST_OLD_H, command)
         if record.layout != (vest.layout or "x40"):
             warnings.append(f"vest: {person}'s threshold was found with layout {record.layout}: {command}")
         return warnings + [f"vest: {note}" for note in record.notes]

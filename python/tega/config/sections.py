@@ -57,9 +57,6 @@ class SessionSection(Section, frozen=True):
     pose_base: Literal[0, 1] = 1
 
 
-_Hours = Annotated[float, msgspec.Meta(gt=0, le=1e6)]
-
-
 class CalibrationConfig(Section, frozen=True):
     """Origin of baselines, maxima and the wearer's thresholds.
 
@@ -68,19 +65,11 @@ class CalibrationConfig(Section, frozen=True):
             is not causal.
         person: Person with the calibration to use, as stored by ``tega-teleop calibrate``.
         folder: Where it keeps them; none means ``calibrations`` beside the settings file.
-        baseline_old_h: A baseline older than this is warned of, hours.
-        touch_old_h: Warn if maxima of a fingertip are older than this, hours.
-        emg_old_h: Warn if rest and maxima of the muscles are older than this, hours; a refresh renews them.
-        vest_old_h: Warn if thresholds of the vest are older than this, hours.
     """
 
     file: Path | None = None
     person: str | None = None
     folder: Path | None = None
-    baseline_old_h: _Hours = 24.0
-    touch_old_h: _Hours = 720.0
-    emg_old_h: _Hours = 12.0
-    vest_old_h: _Hours = 2160.0
 
 
 class TactileConfig(Section, frozen=True):

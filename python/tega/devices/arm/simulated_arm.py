@@ -18,28 +18,16 @@ from tega.devices.arm.robot.leash import RobotBody
 from tega.devices.base import Options
 
 
-class SimulatedArmOptions(ArmOptions, frozen=True, kw_only=True):
-    """Settings of :class:`SimulatedArm`.
-
-    Attributes:
-        place_m: Where its hand is at the start, base's axes.
-        turn_xyzw: How it is turned; the default has its z along the base's x.
-    """
-
-    place_m: tuple[float, float, float] = (0.5, 0.0, 0.3)
-    turn_xyzw: tuple[float, float, float, float] = (0.0, 0.7071067811865476, 0.0, 0.7071067811865476)
-
-
 class SimulatedArm(ProcessArm):
     """A hand of 1 kg on a damped spring."""
 
     name: ClassVar[str] = "simulated-arm"
     summary: ClassVar[str] = "simulated: a hand on a damped spring, in a process of its own"
-    options_type: ClassVar[type[Options]] = SimulatedArmOptions
+    options_type: ClassVar[type[Options]] = ArmOptions
     body: ClassVar[str] = "tega.devices.arm.simulated_arm:_SpringBody"
 
     @classmethod
-    def harmless(cls, options: SimulatedArmOptions) -> SimulatedArmOptions:
+    def harmless(cls, options: ArmOptions) -> ArmOptions:
         """Return the options as they are: nothing real moves."""
         return options
 
@@ -49,19 +37,17 @@ _PER_S2 = 800.0
 _STEP_S = 1e-3
 # The error that pulls is clipped, as in franky's tracker; so the hand never goes faster than clip sqrt(K) / 2.
 _CLIP_M, _CLIP_RAD = 0.03, 0.2
+# Where its hand is at the start, base's axes, with its z along the base's x.
+_START_M, _START_XYZW = (0.5, 0.0, 0.3), (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 
 
 class _SpringBody(RobotBody):
-    """Simulated: x'' = K clip(target - x) - 2 sqrt(K) x', the same for turns; no gravity, joints or walls.
-
-    ``place_m`` and ``turn_xyzw`` of ``options`` are the pose at the start.
-    """
+    """Simulated: x'' = K clip(target - x) - 2 sqrt(K) x', the same for turns; no gravity, joints or walls."""
 
     facts = ("simulated: a hand of 1 kg on a damped spring, no robot",)
 
-    def __init__(self, options: dict[str, Any]) -> None:
-        self._x = np.array(options["place_m"], np.float64)
-        self._q = unit(np.array(options["turn_xyzw"], np.float64))
+    def __init__(self, _options: dict[str, Any]) -> None:
+        self._x, self._q = np.array(_START_M), np.array(_START_XYZW)
         self._v, self._w = np.zeros(3), np.zeros(3)
         self._target: tuple[Any, Any] | None = None
         self._t_s = time.monotonic()

@@ -31,6 +31,7 @@ from tega.wire import (
     sdk3_stop_request,
 )
 
+_NAME: Final = "TEGA"
 _CLIENT: Final = "1.0.1"  # what a client that the vendor published for this version calls itself
 _REQUESTS: Final = 1 << 31  # a request's number fits into 31 bits, as those of the vendor's clients
 
@@ -67,13 +68,12 @@ class PlayerVersion2(_PlayerVersion):
     number: ClassVar[int] = 2
     path: ClassVar[str] = "/v2/feedbacks"
 
-    def __init__(self, port: int, app_name: str) -> None:
+    def __init__(self, port: int) -> None:
         super().__init__(port, admitted=True)
-        self._name = quote(app_name, safe="")
 
     def url(self, host: str) -> str:
         """Return the address, with the program's name for the Player."""
-        return f"ws://{host}:{self._port}{self.path}?app_id={self._name}&app_name={self._name}"
+        return f"ws://{host}:{self._port}{self.path}?app_id={_NAME}&app_name={_NAME}"
 
     def hello(self) -> list[str]:
         """Return the first messages: end everything, and ask for a status."""
@@ -183,7 +183,6 @@ class PlayerOptions(VestOptions, frozen=True):
         port: Its port for version 2.
         port_v3: Its port for version 3.
         version: Version to use; ``auto`` asks for version 3 if an ``app_id`` is set, then for version 2.
-        app_name: Under which name version 2 lists this program.
         app_id: The program's id at the vendor's portal, for version 3.
         api_key_file: File that holds the key of that id, and nothing else.
         motor_values: How many values version 3 is sent; 32 leaves out each panel's fifth row, which a TactSuit Pro has
@@ -198,7 +197,6 @@ class PlayerOptions(VestOptions, frozen=True):
     port: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 15881
     port_v3: Annotated[int, msgspec.Meta(ge=1, le=65535)] = 15882
     version: Literal["auto", "2", "3"] = "auto"
-    app_name: Annotated[str, msgspec.Meta(min_length=1, max_length=64)] = "TEGA"
     app_id: Annotated[str, msgspec.Meta(max_length=128)] = ""
     api_key_file: Path | None = None
     motor_values: Literal[40, 32] = 40
@@ -249,5 +247,5 @@ def versions_to_ask(o: PlayerOptions) -> list[PlayerVersion]:
             raise DeviceUnavailableError("version 3 of the Player needs app_id", KEY_HINT)
         requested.append(PlayerVersion3(o.port_v3, o.app_id, _key(o.api_key_file), o.motor_values))
     if o.version != "3":
-        requested.append(PlayerVersion2(o.port, o.app_name))
+        requested.append(PlayerVersion2(o.port))
     return requested
