@@ -1,14 +1,13 @@
 """Simulate one person's session: a function of plan, assumptions and the study's seed only.
 
-A person remembers and tires from trial to trial, so a session is the unit of work. A session is made in a separate
-folder and returned as files, so the worker needs no disk in common with the caller.
+A person remembers and tires from trial to trial, so a session is the unit of work. It is made in a separate folder.
 """
 
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
-import tempfile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -16,7 +15,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from tega.runtime.files.whole_file import write_whole
 from tega_sim.lab import Lab
 from tega_sim.operator import Parameters
 from tega_sim.plan import TrialPlan
@@ -40,7 +38,7 @@ RUNNING = ".running"
 
 
 class SessionJob(NamedTuple):
-    """Inputs of one simulated session, to be sent to other processes and machines; ``folder`` is on this one.
+    """Inputs of one simulated session, to be sent to other processes; ``folder`` is the study's.
 
     With ``pictures`` one of a fingertip of each object's first felt lift is kept.
     """
@@ -54,22 +52,23 @@ class SessionJob(NamedTuple):
     pictures: bool
 
 
-def run_session(job: SessionJob, scratch: Path | None = None) -> dict[str, bytes]:
-    """Run a session from its start; return the files, by path in the study's folder.
-
-    ``scratch`` is the folder to work in, which can be watched; its content is deleted. ``None`` uses a temporary one.
-    """
-    if scratch is None:
-        with tempfile.TemporaryDirectory() as made:
-            return run_session(job, Path(made))
-    shutil.rmtree(scratch, ignore_errors=True)
-    scratch.mkdir(parents=True)
-    _go(job, scratch)
-    return {
-        path.relative_to(scratch).as_posix(): path.read_bytes()
-        for path in sorted(scratch.rglob("*"))
-        if path.is_file()
-    }
+def run_session(job: SessionJob) -> None:
+    """Run a session from its start, and put it into the study's folder; its events last: then it is whole."""
+    made = job.folder / RUNNING / job.person
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir(parents=True)
+    _go(job, made)
+    for path in made.rglob("*"):
+        if path.is_file():
+            with path.open("r+b") as file:
+                os.fsync(file.fileno())
+    shutil.rmtree(events_path(job.folder, job.person).parent, ignore_errors=True)
+    for part in sorted(made.iterdir(), key=lambda part: (part.name == "sessions", part.name)):
+        target = job.folder / part.name / job.person
+        shutil.rmtree(target, ignore_errors=True)
+        target.parent.mkdir(exist_ok=True)
+        (part / job.person).rename(target)
+    shutil.rmtree(made, ignore_errors=True)
 
 
 def _go(job: SessionJob, folder: Path) -> None:
@@ -119,23 +118,6 @@ def _go(job: SessionJob, folder: Path) -> None:
                     maxima = full.cci_max or 0.0, full.eda_max or 0.0
                     picture = FingerPicture(finger, lab.preset, lab.baselines[finger], touch, *maxima)
                     write_touch_picture(picture_path(folder, trial), picture)
-
-
-def keep_session(job: SessionJob, files: dict[str, bytes]) -> None:
-    """Put a finished session into the study's folder. Its events come last, as the sign that it is complete."""
-    beside = job.folder / RUNNING / f"{job.person}.done"
-    shutil.rmtree(beside, ignore_errors=True)
-    for name, content in files.items():
-        write_whole(beside / name, content, sync=True)
-    parts = sorted({Path(name).parts[0] for name in files}, key=lambda part: (part == "sessions", part))
-    shutil.rmtree(events_path(job.folder, job.person).parent, ignore_errors=True)
-    for part in parts:
-        target = job.folder / part / job.person
-        shutil.rmtree(target, ignore_errors=True)
-        target.parent.mkdir(exist_ok=True)
-        (beside / part / job.person).rename(target)
-    shutil.rmtree(beside, ignore_errors=True)
-    shutil.rmtree(job.folder / RUNNING / job.person, ignore_errors=True)
 
 
 def person_seed(seed: int, person: str) -> int:

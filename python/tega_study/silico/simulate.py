@@ -19,7 +19,7 @@ from tega_sim.world import OBJECTS, ObjectSpec
 from tega_study.journal import events_path, read_events
 from tega_study.plan import StudyPlan, make_plan, read_plan, write_plan
 from tega_study.silico.assumptions import PARAMETERS, Assumptions, assume
-from tega_study.silico.session import RUNNING, SessionJob, keep_session, run_session
+from tega_study.silico.session import RUNNING, SessionJob, run_session
 from tega_study.state import derive
 
 Progress = Callable[[str, int, int], None]
@@ -59,7 +59,7 @@ def _session(job: SessionJob) -> SessionJob:
                 "wait for it, or give each program its own people, such as --shard 1/2 and --shard 2/2",
             )
         if derive(job.trials, read_events(events_path(job.folder, job.person))).next is not None:
-            keep_session(job, run_session(job, job.folder / RUNNING / job.person))
+            run_session(job)
     return job
 
 
