@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, FiniteRange, echo_json, json_option
+from tega.ui.cli.options import FILE, FiniteRange, answer, echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -118,14 +118,13 @@ def tags(*, out: Path, layout_file: Path | None, as_json: bool) -> None:
             save_layout(layout_file, layout)
     files = write_pages(out, [*tag_pages(layout), board_page()])
     n_tags = sum(len(body.all_tags()) for body in layout.bodies().values())
-    if as_json:
-        echo_json({"files": [str(file) for file in files], "layout": str(layout_file or ""), "tags": n_tags})
-        return
-    click.echo(f"{', '.join(map(str, files))}: {n_tags} tags and the calibration board")
+    lines = [f"{', '.join(map(str, files))}: {n_tags} tags and the calibration board"]
     if layout_file is not None:
-        click.echo(
+        lines.append(
             f"{layout_file}: where they are; measure heights and distances on your object, and change them"
         )
+    found = {"files": [str(file) for file in files], "layout": str(layout_file or ""), "tags": n_tags}
+    answer(found, lines, as_json=as_json)
 
 
 @scene.command(epilog="Example: tega-teleop scene calibrate 0 cam.json")
@@ -146,10 +145,8 @@ def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -
 
     lens = calibrate_from(source, size, notify=lambda line: click.echo(line, err=True))
     save_lens(out, lens)
-    if as_json:
-        echo_json(msgspec.to_builtins(lens))
-        return
-    click.echo(f"{out}: {lens.n_views} views fit to {lens.rms_px:.3f} px; focal length {lens.fx:.0f} px")
+    line = f"{out}: {lens.n_views} views fit to {lens.rms_px:.3f} px; focal length {lens.fx:.0f} px"
+    answer(msgspec.to_builtins(lens), [line], as_json=as_json)
 
 
 @scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
@@ -291,15 +288,12 @@ def record(
             stop=lambda: stop() or (seconds is not None and time.monotonic() >= begin_s() + seconds),
             video=video,
         )
-    if as_json:
-        echo_json({"cameras": msgspec.to_builtins(found)})
-        return
-    for name, tally in found.items():
-        click.echo(
-            f"{name}: {tally.pictures} pictures, {tally.dropped} dropped, {tally.missed} missed, longest gap "
-            f"{1000 * tally.longest_gap_s:.0f} ms"
-            f"{'; ' + tally.trouble if tally.trouble else ''}"
-        )
+    lines = (
+        f"{name}: {tally.pictures} pictures, {tally.dropped} dropped, {tally.missed} missed, longest gap "
+        f"{1000 * tally.longest_gap_s:.0f} ms{'; ' + tally.trouble if tally.trouble else ''}"
+        for name, tally in found.items()
+    )
+    answer({"cameras": msgspec.to_builtins(found)}, lines, as_json=as_json)
 
 
 @scene.command(epilog="Example: tega-teleop scene export session.mcap front front.mp4")
@@ -316,10 +310,8 @@ def export(*, recording: Path, name: str, out: Path, as_json: bool) -> None:
     from tega_scene.record import export_camera
 
     n = export_camera(recording, name, out)
-    if as_json:
-        echo_json({"pictures": n, "file": str(out), "times": str(times_path(out))})
-        return
-    click.echo(f"{out}: {n} pictures; {times_path(out)}: when each was taken, on the session's clock")
+    line = f"{out}: {n} pictures; {times_path(out)}: when each was taken, on the session's clock"
+    answer({"pictures": n, "file": str(out), "times": str(times_path(out))}, [line], as_json=as_json)
 
 
 @scene.command(epilog="Example: tega-teleop scene flash flashes.csv")
@@ -355,10 +347,9 @@ def offset(*, recording: Path, name: str, flashes: Path, as_json: bool) -> None:
 
     found = measure_offset(recording, name, flashes)
     keep_offset(recording, name, found)
-    if as_json:
-        echo_json({**msgspec.to_builtins(found), "file": str(offsets_path(recording))})
-        return
-    click.echo(
+    kept = str(offsets_path(recording))
+    line = (
         f"{name}: {1000 * found.late_s:.1f} ± {1000 * found.error_s:.1f} ms late, by {found.n_edges} switchings; "
-        f"{offsets_path(recording)}: taken off by export, play and clips"
+        f"{kept}: taken off by export, play and clips"
     )
+    answer({**msgspec.to_builtins(found), "file": kept}, [line], as_json=as_json)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import click
 
-from tega.ui.cli.options import NAMES, all_options, echo_json
+from tega.ui.cli.options import NAMES, all_options
 from tega_sim.cli.options import objects_option
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -19,15 +19,6 @@ FOLDER: Final = click.Path(path_type=Path, file_okay=False)
 folder_argument = click.argument("folder", type=FOLDER)
 participant_argument = click.argument("participant")
 shown_option = partial(click.option, show_default=True)
-
-
-def answer(value: Any, lines: Iterable[object], *, as_json: bool) -> None:
-    """Print what a verb found: a value as JSON, or lines."""
-    if as_json:
-        echo_json(value)
-    else:
-        for line in lines:
-            click.echo(line)
 
 
 def _shard(_ctx: click.Context, _option: click.Parameter, text: str) -> tuple[int, int]:

@@ -8,8 +8,8 @@ from typing import Any
 import click
 
 from tega.errors import InvalidValueError
-from tega.ui.cli.options import FILE, NAMES, FiniteRange, json_option
-from tega_study.cli.options import FOLDER, answer, design_options, folder_argument, shown_option
+from tega.ui.cli.options import FILE, NAMES, FiniteRange, answer, json_option
+from tega_study.cli.options import FOLDER, design_options, folder_argument, shown_option
 
 
 @click.command(epilog="Example: tega-teleop study plan --participants 12 --seed 7 --out my-study")

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import click
 
-from tega.ui.cli.options import FILE, json_option
-from tega_study.cli.options import FOLDER, answer, folder_argument, participant_argument
+from tega.ui.cli.options import FILE, answer, json_option
+from tega_study.cli.options import FOLDER, folder_argument, participant_argument
 
 
 @click.command(epilog="Example: tega-teleop study withdraw my-study p03")

@@ -7,8 +7,8 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import PATH, echo_json, json_option
-from tega_study.cli.options import FOLDER, answer, shown_option
+from tega.ui.cli.options import PATH, answer, echo_json, json_option
+from tega_study.cli.options import FOLDER, shown_option
 
 
 @click.command(epilog="Example: tega-teleop study report my-study")

@@ -11,9 +11,9 @@ import click
 
 from tega.config import check_tree, load_config, override_tree
 from tega.runtime.lifecycle import require
-from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option
+from tega.ui.cli.options import FILE, PATH, FiniteRange, answer, echo_json, json_option
 from tega_sim.cli.options import loop_sets
-from tega_study.cli.options import answer, folder_argument, participant_argument, shown_option
+from tega_study.cli.options import folder_argument, participant_argument, shown_option
 
 if TYPE_CHECKING:
     from tega_study.lead.benches import TrialBench

@@ -8,9 +8,9 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import FILE, echo_json, json_option
+from tega.ui.cli.options import FILE, answer, echo_json, json_option
 from tega_scene.cli import optics_options, print_outcome
-from tega_study.cli.options import answer, folder_argument, participant_argument
+from tega_study.cli.options import folder_argument, participant_argument
 
 
 @click.command(

@@ -8,8 +8,8 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import FILE, PATH, FiniteRange, json_option, progress_bar
-from tega_study.cli.options import FOLDER, answer, folder_argument, shown_option
+from tega.ui.cli.options import FILE, PATH, FiniteRange, answer, json_option, progress_bar
+from tega_study.cli.options import FOLDER, folder_argument, shown_option
 
 _COLUMNS = {
     "event": "kind",

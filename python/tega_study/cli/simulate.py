@@ -12,11 +12,10 @@ from typing import Any
 
 import click
 
-from tega.ui.cli.options import NAMES, json_option, progress_bar
+from tega.ui.cli.options import NAMES, answer, json_option, progress_bar
 from tega_sim.cli.options import chosen_objects, loop_options, loop_sets, object_options
 from tega_study.cli.options import (
     FOLDER,
-    answer,
     design_options,
     folder_argument,
     shown_option,

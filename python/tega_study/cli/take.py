@@ -7,8 +7,8 @@ from pathlib import Path
 import click
 
 from tega.config import load_config
-from tega.ui.cli.options import PATH, json_option, sets_option, worn_by
-from tega_study.cli.options import answer, folder_argument, shown_option
+from tega.ui.cli.options import PATH, answer, json_option, sets_option, worn_by
+from tega_study.cli.options import folder_argument, shown_option
 
 
 @click.command(epilog="Example: tega-teleop recording take lab.toml sessions/monday --task 'lift the bottle'")

@@ -6,7 +6,7 @@ import json
 import math
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from importlib.metadata import Distribution, PackageNotFoundError, distribution
 from pathlib import Path
@@ -151,6 +151,15 @@ def echo_json(value: Any) -> None:
     """
     # ASCII: valid in whatever encoding the output has, and for names of files that are no UTF-8.
     click.echo(json.dumps(json.loads(json.dumps(value), parse_constant=lambda _: None), indent=2))
+
+
+def answer(value: Any, lines: Iterable[object], *, as_json: bool) -> None:
+    """Print what a verb found: a value as JSON, or lines."""
+    if as_json:
+        echo_json(value)
+    else:
+        for line in lines:
+            click.echo(line)
 
 
 def value_text(value: object) -> str:

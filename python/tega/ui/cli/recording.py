@@ -15,7 +15,7 @@ from tega.runtime.features import load_target, named, warn
 from tega.runtime.words import printable
 from tega.ui.cli.export_format import ExportFormat
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, PATH, FiniteRange, echo_json, json_option, progress_bar
+from tega.ui.cli.options import FILE, PATH, FiniteRange, answer, echo_json, json_option, progress_bar
 
 if TYPE_CHECKING:
     from tega.recording.inspection import Inspection
@@ -210,10 +210,8 @@ def export(
 
 
 def _echo_paths(made: Sequence[Path], *, as_json: bool) -> None:
-    if as_json:
-        echo_json([str(path) for path in made])
-    else:
-        click.echo("\n".join(map(str, made)))
+    paths = [str(path) for path in made]
+    answer(paths, paths, as_json=as_json)
 
 
 @click.command(
@@ -326,11 +324,9 @@ def annotate(
             click.echo(f"{path} written", err=True)
     found = read_annotations(recording)
     rows = sorted(((one, event) for one, events in found.items() for event in events), key=lambda r: r[1].t_s)
-    if as_json:
-        echo_json([{"rater": one, **event._asdict()} for one, event in rows])
-        return
     lines = [_line(one, event) for one, event in rows]
-    click.echo("\n".join(lines) or "no annotations; code some with: tega-teleop play --view --rater ID")
+    lines = lines or ["no annotations; code some with: tega-teleop play --view --rater ID"]
+    answer([{"rater": one, **event._asdict()} for one, event in rows], lines, as_json=as_json)
 
 
 def _line(rater: str, event: CodedEvent) -> str:
