@@ -12,6 +12,7 @@ from typing import Any, Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.arm.rotation import exp, to_matrix
 from tega.runtime.opencv import load_cv2
 from tega_scene.layout import TagBody
 from tega_scene.lens import Lens
@@ -212,8 +213,9 @@ def _refine(sight: _Sight, position: Floats, rotation: Floats) -> tuple[Floats, 
     cost = float(left @ left)
     for _ in range(_STEPS):
         normal = slope.T @ slope
-        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), slope.T @ left)
-        there, turned = position + step[:3], rotation_about(step[3:]) @ rotation
+        damped = normal + damping * np.diag(np.diag(normal) + 1e-12)
+        step = np.asarray(-np.linalg.solve(damped, slope.T @ left), np.float64)
+        there, turned = position + step[:3], to_matrix(exp(step[3:])) @ rotation
         new, new_slope = sight.residuals(there, turned)
         new_cost = float(new @ new)
         if not np.isfinite(new_cost):
@@ -259,13 +261,3 @@ def _along(ways: Floats, points: Floats, position: Floats, rotation: Floats) -> 
     there = points @ rotation.T + position
     slope: Floats = np.einsum("nij,nj->ni", _per_metre(there, 1 / there[:, 2]), ways).ravel()
     return slope
-
-
-def rotation_about(turn: NDArray[np.floating[Any]]) -> Floats:
-    """Return the rotation about a vector by its length, rad (Rodrigues)."""
-    angle = float(np.linalg.norm(turn))
-    if angle < 1e-12:
-        return np.eye(3)
-    x, y, z = turn / angle
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.asarray(np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross)

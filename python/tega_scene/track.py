@@ -15,11 +15,12 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.arm.rotation import exp, to_matrix
 from tega.errors import RecordingError
 from tega_scene.corners import TagFinder
 from tega_scene.layout import TagLayout
 from tega_scene.lens import Lens
-from tega_scene.pose import CORNER_PX, BodyFitter, FittedPose, corner_weights, residuals, rotation_about
+from tega_scene.pose import CORNER_PX, BodyFitter, FittedPose, corner_weights, residuals
 
 SHIFT_M: Final = 0.0003
 TURN_RAD: Final = float(np.radians(0.5))
@@ -96,12 +97,12 @@ def refined_corners(
         change = -scale * np.linalg.solve(normal, matrix.T @ np.concatenate(lefts))
         for k, (position, rotation) in enumerate(places):
             one = change[6 * k : 6 * k + 6]
-            places[k] = position + one[:3], rotation_about(one[3:]) @ rotation
+            places[k] = position + one[:3], to_matrix(exp(one[3:])) @ rotation
         for number, tag in enumerate(tags):
             one = change[n_poses + 6 * number : n_poses + 6 * number + 6]
             moved[tag] = moved[tag] + one
             middle = now[tag].mean(0)
-            now[tag] = (now[tag] - middle) @ rotation_about(one[3:]).T + middle + one[:3]
+            now[tag] = (now[tag] - middle) @ to_matrix(exp(one[3:])).T + middle + one[:3]
     return now
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 import numpy as np
 
+from tega.arm.rotation import to_matrix
 from tega.runtime.opencv import load_cv2
 from tega_figures.scene.render import Face, Film, SceneCamera, tag_face
 from tega_figures.scene.trials import TrueTrial
@@ -193,15 +194,7 @@ class RenderedTrial:
                 points = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * half
             else:
                 points = np.concatenate([np.add(ring, (0, 0, end)) for end in (-1, 1)]) * half
-            w, x, y, z = pose[3:]
-            r = np.array(
-                [
-                    [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-                    [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-                    [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-                ]
-            )
-            there = (points @ r.T + pose[:3]) @ turn.T + shift
+            there = (points @ to_matrix(np.roll(pose[3:], -1)).T + pose[:3]) @ turn.T + shift
             if there[:, 2].min() < 0.2:
                 continue
             grey = 40 + 110 * float(np.mean(shape.rgba[:3]))

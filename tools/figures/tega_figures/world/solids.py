@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from tega.arm.rotation import to_matrix
 from tega.ui.view.browser.scene import LOOKS, LookPart
 from tega_sim.world.body import Shape
 
@@ -35,7 +36,7 @@ def add_solids(axes: Any, shapes: list[Shape], poses: NDArray[np.float64], *, th
             [(_faces(shape), 1.0)] if looks is None else [(_check(part, shape), part.shade) for part in looks]
         )
         for own, shade in solids:
-            faces = own @ _rotation(pose[3:]).T
+            faces = own @ to_matrix(np.roll(pose[3:], -1)).T
             normals = np.cross(faces[:, 2] - faces[:, 0], faces[:, 3] - faces[:, 1])
             normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
             light = shade * (0.55 + 0.45 * np.clip(normals @ _LIGHT, -0.6, 1.0))
@@ -93,14 +94,3 @@ def _box(half: NDArray[np.float64]) -> NDArray[np.float64]:
     square = np.array([[-1, -1, 1], [1, -1, 1], [1, 1, 1], [-1, 1, 1]], np.float64)
     upper = [np.roll(square, axis, axis=1) for axis in range(3)]
     return np.array([*upper, *(-face[::-1] for face in upper)]) * half
-
-
-def _rotation(quaternion: NDArray[np.float64]) -> NDArray[np.float64]:
-    w, x, y, z = quaternion
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
