@@ -233,7 +233,7 @@ def test_the_page_s_figures_are_those_of_the_committed_results(benches):
 def test_a_bare_clock_in_a_process_of_its_own_tells_how_late_each_tick_was():
     from tega_figures.bench.witness import LateTicks, witness
 
-    with witness(realtime=False) as clock:
+    with witness() as clock:
         clock.begin(0.06)
         reported = clock.late()
     assert reported.ticks == sum(reported.late) == 20

@@ -135,12 +135,6 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     help="Preset of the session. With paper, all versions measure touch alike, so that the rest can be compared.",
 )
 @click.option(
-    "--realtime/--no-realtime",
-    default=True,
-    show_default=True,
-    help="Whether the run and the bare clock beside it ask for real-time priority.",
-)
-@click.option(
     "--fingers",
     "n_fingers",
     type=click.IntRange(1, 32),
@@ -156,7 +150,6 @@ def loop(
     pace: Literal["by-frame", "steady"],
     most_hz: float | None,
     preset: Literal["paper", "live"],
-    realtime: bool,
     n_fingers: int,
     as_json: bool,
 ) -> None:
@@ -193,7 +186,6 @@ def loop(
         pace=pace,
         most_hz=most_hz,
         preset=preset,
-        realtime=realtime,
         n_fingers=n_fingers,
     )
     if as_json:
@@ -240,15 +232,8 @@ def loop(
     help="How long to measure, seconds.",
 )
 @click.option("--keys", is_flag=True, help="Encrypt the link, with keys made for this.")
-@click.option(
-    "--images-hz",
-    type=FiniteRange(0, 60),
-    default=10,
-    show_default=True,
-    help="Pictures a second of each fingertip for display.",
-)
 @json_option
-def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> None:
+def stations(*, seconds: float, keys: bool, as_json: bool) -> None:
     """Run two stations on emulated devices and measure the way between them.
 
     Four DIGITs at 60 Hz and an Allegro Hand at the robot's station, EMG at 1 kHz and a vest at the operator's; both
@@ -256,7 +241,7 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
 
     \b
     --json prints one object:
-      machine, seconds, keys, images_hz
+      machine, seconds, keys
       touch_ms    {stage: {n, p50, p95, p99, worst}}: camera to the vest's bytes; "whole" is all of it
       intent_ms   the same, EMG sample to the hand's torques
       command_ms, feature_ms   {n, p50, p95, p99, worst}: the way over the link alone
@@ -268,7 +253,7 @@ def stations(*, seconds: float, keys: bool, images_hz: float, as_json: bool) -> 
     from tega_figures.bench.stations import bench_stations
     from tega_figures.bench.tables import print_stations
 
-    report = bench_stations(seconds=seconds, keys=keys, images_hz=images_hz)
+    report = bench_stations(seconds=seconds, keys=keys)
     if as_json:
         echo_json(msgspec.to_builtins(report))
         return

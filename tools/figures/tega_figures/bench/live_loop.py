@@ -77,14 +77,13 @@ def bench_loop(
     pace: Pace = "by-frame",
     most_hz: float | None = None,
     preset: Literal["paper", "live"] = "live",
-    realtime: bool = True,
     n_fingers: int = 4,
 ) -> LoopBench:
     """Run DIGITs at 60 Hz, EMG at 1 kHz, an Allegro Hand and a vest for a while.
 
     The ``n_fingers`` DIGITs share four columns of the vest. With ``record`` the run is recorded and its tables are
     written as well. ``pace`` is ``vest.pace`` of a session's settings; ``most_hz`` is the greatest rate of the vest's
-    link, ``None`` for the driver's own. ``realtime`` is whether run and witness ask for real-time priority.
+    link, ``None`` for the driver's own.
     """
     from tega.loop.session import run_session
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
@@ -95,7 +94,7 @@ def bench_loop(
         with emulated_lab(
             folder, emg_hz=EMG_HZ, hand="network", vest=True, fingers=fingers, touch=PRESSED, preset=preset
         ) as lab:
-            lab.tree["session"] = {"duration_s": seconds, "preset": preset, "realtime": realtime}
+            lab.tree["session"] = {"duration_s": seconds, "preset": preset}
             columns = [column for k in range(4) if (column := fingers[k::4])]
             lab.tree["stages"] = {"mapping": {"options": {"fingers": columns}}}
             lab.tree["vest"]["pace"] = pace
@@ -120,7 +119,7 @@ def bench_loop(
                     half.start()
 
             half = threading.Timer(seconds / 2, lambda: threads.append(_n_threads() - 1))
-            with witness(realtime=realtime) as beside, pressing(lab):
+            with witness() as beside, pressing(lab):
                 ahead = lab.go_ahead()
                 summary = run_session(config, progress=progress)
                 cpu_s.append(used_s())

@@ -22,7 +22,6 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
 
     Attributes:
         machine: Where; both stations and all emulators ran on it.
-        images_hz: Pictures a second of each fingertip that were sent for display.
         touch_ms: Camera at the robot's to the vest's bytes at the operator's, by stage; also ``whole``.
         intent_ms: EMG sample at the operator's station to the hand's torques at the robot's.
         command_ms: A command on its way, from being made to being received.
@@ -34,7 +33,6 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
     machine: Machine
     seconds: float
     keys: bool
-    images_hz: float
     touch_ms: dict[str, Any]
     intent_ms: dict[str, Any]
     command_ms: dict[str, Any]
@@ -46,10 +44,10 @@ class StationsBench(msgspec.Struct, frozen=True, kw_only=True):
     images: int
 
 
-def bench_stations(*, seconds: float, keys: bool, images_hz: float) -> StationsBench:
+def bench_stations(*, seconds: float, keys: bool) -> StationsBench:
     """Run four DIGITs and an Allegro Hand at one station, EMG at 1 kHz and a vest at the other.
 
-    ``keys`` encrypt the link; ``images_hz`` are pictures of each fingertip for display.
+    ``keys`` encrypt the link.
     """
     from tega_emulators.lab import PRESSED, emulated_lab, pressing
     from tega_emulators.stations import Program, free_port, split, write_trees
@@ -62,7 +60,6 @@ def bench_stations(*, seconds: float, keys: bool, images_hz: float) -> StationsB
         address = f"{'tls' if keys else 'tcp'}/127.0.0.1:{free_port()}"
         with emulated_lab(folder, emg_hz=EMG_HZ, hand=True, vest=True, fingers=FINGERS, touch=PRESSED) as lab:
             trees = split(lab.tree, listen=address, connect=address, keys=folder / "keys" if keys else None)
-            trees[0]["net"]["images_hz"] = images_hz
             files = write_trees(folder, trees)
             with Program("robot", files[0]) as robot, pressing(lab):
                 robot.await_said("waits for an operator")
@@ -80,7 +77,6 @@ def bench_stations(*, seconds: float, keys: bool, images_hz: float) -> StationsB
         machine=describe_machine(),
         seconds=here["duration_s"],
         keys=keys,
-        images_hz=images_hz,
         touch_ms=here["latency_ms"]["touch"],
         intent_ms=there["latency_ms"]["intent"],
         command_ms=there["net"]["way_ms"],

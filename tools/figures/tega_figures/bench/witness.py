@@ -11,7 +11,7 @@ import subprocess
 import sys
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 
 import msgspec
 
@@ -67,10 +67,10 @@ class BareClock:
 
 
 @contextmanager
-def witness(*, realtime: bool) -> Iterator[BareClock]:
-    """Start a witness, and end it with the block; ``realtime`` asks for the hand's process's priority."""
+def witness() -> Iterator[BareClock]:
+    """Start a witness, which asks for the priority of the hand's process, and end it with the block."""
     with subprocess.Popen(
-        python_command(__name__, "hand" if realtime else "ordinary"),
+        python_command(__name__),
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env=python_environment(),
@@ -90,7 +90,7 @@ def _keep() -> None:
     print("ready", flush=True)
     if not (n_ticks := sys.stdin.readline()):
         return
-    with run_realtime("hand") if sys.argv[1] == "hand" else nullcontext():
+    with run_realtime("hand"):
         late_ns = _native.bare_clock(HAND_TICK_NS, int(n_ticks))
     print(json.dumps(late_ns), flush=True)
 
