@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -102,11 +101,6 @@ def acceptance(
 )
 @click.option("--wav", type=FILE, help="Read that recording, with its --log.")
 @click.option("--keep", type=_FOLDER, help="Keep recording and log in this folder.")
-@click.option(
-    "--folder",
-    type=_FOLDER,
-    help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)
 @sets_option
 @json_option
 def onset(
@@ -121,7 +115,6 @@ def onset(
     log_file: Path | None,
     wav: Path | None,
     keep: Path | None,
-    folder: Path | None,
     sets: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -150,9 +143,7 @@ def onset(
         raise click.UsageError("--wav needs the --log that was written when the bursts were played")
     if log_file is not None and len(motors) > 1:
         raise click.UsageError("one --log is for one --motor")
-    # The bursts count to the day of who wears the vest, which is kept in the same folder.
-    where = () if folder is None else (f"calibration.folder={json.dumps(str(folder.absolute()))}",)
-    settings = load_config(config, sets=(*sets, *where)).config
+    settings = load_config(config, sets=sets).config
     by: Any = sync or ("speaker" if log_file is None else "keys")
     wanted, chosen = Bursts(settings, percent, bursts, by), motors or (0,)
     if log_file is None:
@@ -173,7 +164,7 @@ def onset(
             )
         return
     beside = Path.cwd() if config is None else config.absolute().parent
-    home = CalibrationFolder(folder or settings.calibration.folder or beside / "calibrations")
+    home = CalibrationFolder(settings.calibration.folder or beside / "calibrations")
     reported = []
     for record in measured:
         file = home.keep_onset(record)

@@ -172,14 +172,14 @@ def test_a_phone_s_recording_with_its_log(
     write_log(log, tmp_path / "bursts.json")
     assert read_log(tmp_path / "bursts.json") == log
     words = ("vest", "onset", "--wav", tmp_path / "phone.wav", "--log", tmp_path / "bursts.json")
-    text = json.loads(call(capsys, *words, "--folder", tmp_path / "kept", "--json")[0])
+    text = json.loads(call(capsys, *words, "--set", f"calibration.folder={tmp_path / 'kept'}", "--json")[0])
     record = read_record(Path(text[0]["file"]), OnsetRecord)
     assert record.onset_ms == pytest.approx(90, abs=WITHIN_MS)
     assert (record.motor, record.used, record.bursts, record.clock) == (21, 8, 8, "clicks")
     assert Path(text[0]["file"]).parent == tmp_path / "kept" / "vests" / "127.0.0.1_15881"
     assert "from the frame's hand-over" in Path(text[0]["file"]).read_text(encoding="utf-8")
 
-    out, _ = call(capsys, *words, "--folder", tmp_path / "kept")
+    out, _ = call(capsys, *words, "--set", f"calibration.folder={tmp_path / 'kept'}")
     assert "motor 21 (back, row 1 of 5" in out
     _, err = call(capsys, *words[:4], code=2)
     assert "needs the --log" in err
@@ -212,7 +212,8 @@ def test_through_driver_and_microphone(
         with port.installed():
             text, _ = call(
                 capsys, "vest", "onset", "--motor", 7, "--bursts", 6, "--set",
-                f"vest.driver={driver}", *where, "--folder", tmp_path, "--keep", tmp_path / "raw", "--json",
+                f"vest.driver={driver}", *where, "--set", f"calibration.folder={tmp_path}", "--json",
+                "--keep", tmp_path / "raw",
             )  # fmt: skip
         # A Player that has no time to answer is not waited for: what it was told last ends after 0.2 s.
         until(lambda: not any(seen_by(peer).motors))

@@ -48,11 +48,6 @@ if TYPE_CHECKING:
 )
 @click.option("--restart", is_flag=True, help="Do not go on with an interrupted calibration.")
 @click.option(
-    "--folder",
-    type=click.Path(path_type=Path, file_okay=False),
-    help="Where calibrations are kept; else calibration.folder, else 'calibrations' beside SETTINGS.toml.",
-)
-@click.option(
     "--ceiling",
     type=click.IntRange(10, 100),
     default=60,
@@ -88,7 +83,6 @@ def calibrate(
     hand: OwnHand | None,
     refresh: bool,
     restart: bool,
-    folder: Path | None,
     ceiling: int,
     each_motor: bool,
     each_step: bool,
@@ -104,7 +98,8 @@ def calibrate(
     Fingertips: a baseline, then presses with a round and a flat object. Muscles: rest, three squeezes, and each
     muscle alone. Vest: the place of each column, the weakest vibration that is felt, the smallest noticeable step.
     Forearm: the forward direction. Ctrl-C keeps the finished steps, and the same command continues after them. When
-    finished, run: tega-teleop run SETTINGS.toml --person ID.
+    finished, run: tega-teleop run SETTINGS.toml --person ID. Files are kept in calibration.folder, else in
+    'calibrations' beside SETTINGS.toml.
 
     --refresh writes no muscles if a channel gives less than a quarter or more than four times its calibrated value, or
     if rest and effort cannot be distinguished.
@@ -120,19 +115,19 @@ def calibrate(
     from tega.setup.calibration.wizard import Calibrating, parts_of
     from tega.ui.cli.guide_page import guided
 
-    config, kept = _settings(settings, person, folder, sets)
+    config, kept = _settings(settings, person, sets)
     if hand is not None:
         CalibrationFolder(kept).keep_hand(person, hand)
         there = f"calibration.folder={json.dumps(str(kept), ensure_ascii=False)}"
-        config, _ = _settings(settings, person, folder, (*sets, there))
+        config, _ = _settings(settings, person, (*sets, there))
     parts = parts_of(config, only)
     times = Times(pause_s=pause_s).scaled(time_scale)
     home = CalibrationFolder(kept)
     home.person(person)
-    where = [] if folder is None else ["--set", f"calibration.folder={folder}"]
+    where = [word for one in sets if one.startswith("calibration.folder=") for word in ("--set", one)]
     given = (*(("--only", name) for name in only), *(("--set", one) for one in sets))
     same = [word for words in given for word in words]
-    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same, *where])
+    again = shlex.join(["tega-teleop", "calibrate", str(settings), "--person", person, *same])
     verb = "run" if parts == parts_of(config) else "doctor"  # which names the parts that are left
     then = shlex.join(["tega-teleop", verb, str(settings), "--person", person, *where])
     with guided("TEGA calibration", yes=yes, get_ready_s=times.get_ready_s) as guide:
@@ -163,14 +158,12 @@ def calibrate(
                 echo_json(reported)
 
 
-def _settings(
-    settings: Path, person: str, folder: Path | None, sets: tuple[str, ...]
-) -> tuple[SessionConfig, Path]:
+def _settings(settings: Path, person: str, sets: tuple[str, ...]) -> tuple[SessionConfig, Path]:
     """Load the settings without the person's calibration, which is about to be made."""
     from tega.config import load_config
 
     config = load_config(settings, sets=worn_by(person, sets)).config
-    kept = folder or config.calibration.folder or settings.absolute().parent / "calibrations"
+    kept = config.calibration.folder or settings.absolute().parent / "calibrations"
     return config, kept
 
 
