@@ -11,7 +11,7 @@ import click
 from tega.config import file_sets
 from tega.errors import InvalidValueError
 from tega.runtime.words import nearest_hint
-from tega.ui.cli.options import NAMES, NUMBERS
+from tega.ui.cli.options import NAMES, NUMBERS, preset_option
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -26,13 +26,6 @@ objects_option = click.option(
     default="bottle,container,bag",
     show_default=True,
     help="Objects that are lifted.",
-)
-preset_option = click.option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
-    show_default=True,
-    help="Readings of the equations: paper (as printed) or live (meant for people).",
 )
 
 

@@ -113,6 +113,13 @@ sets_option = click.option(
     metavar="KEY=VALUE",
     help="Override a setting, such as session.preset=paper; repeatable.",
 )
+preset_option = click.option(
+    "--preset",
+    type=click.Choice(["paper", "live"]),
+    default="live",
+    show_default=True,
+    help="Readings of the equations: paper (as printed) or live (meant for people).",
+)
 picture_option = click.option(
     "--picture",
     type=PngPath(),

@@ -8,7 +8,15 @@ from typing import Any
 import click
 
 from tega.ui.cli.emg import column_options, kind_option
-from tega.ui.cli.options import PATH, FiniteRange, json_option, picture_option, progress_bar, sets_option
+from tega.ui.cli.options import (
+    PATH,
+    FiniteRange,
+    json_option,
+    picture_option,
+    preset_option,
+    progress_bar,
+    sets_option,
+)
 from tega.ui.cli.page import run_viewed, view_options
 
 
@@ -61,13 +69,7 @@ class _Named(click.ParamType[tuple[str, str]]):
 @click.option("--emg", type=PATH, help="EMG samples: text, .npy, .mat, EDF, XDF, a ROS 2 bag and others.")
 @kind_option("--emg-kind")
 @column_options("emg-")
-@click.option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
-    show_default=True,
-    help="Readings of the equations: paper (as printed) or live (meant for people).",
-)
+@preset_option
 @click.option(
     "--calibration", type=PATH, help="File with the maxima; else they are taken from the recording itself."
 )

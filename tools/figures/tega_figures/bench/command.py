@@ -7,8 +7,8 @@ from typing import Literal
 
 import click
 
-from tega.ui.cli.options import FiniteRange, PngPath, json_option
-from tega_sim.cli.options import objects_option, preset_option
+from tega.ui.cli.options import FiniteRange, PngPath, json_option, preset_option
+from tega_sim.cli.options import objects_option
 
 __all__ = ["bench"]
 
@@ -127,13 +127,7 @@ def sim(*, objects: list[str], repeats: int, preset: Literal["paper", "live"], a
     type=FiniteRange(10, 1000),
     help="Greatest rate of the vest's link, such as 50 for Bluetooth; the Player's is 500.",
 )
-@click.option(
-    "--preset",
-    type=click.Choice(["paper", "live"]),
-    default="live",
-    show_default=True,
-    help="Preset of the session. With paper, all versions measure touch alike, so that the rest can be compared.",
-)
+@preset_option
 @click.option(
     "--fingers",
     "n_fingers",
