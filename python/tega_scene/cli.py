@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from tega.ui.cli.guest_group import GuestGroup
-from tega.ui.cli.options import FILE, FiniteRange, answer, echo_json, json_option
+from tega.ui.cli.options import FILE, FiniteRange, all_options, answer, echo_json, json_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -54,22 +54,16 @@ def _mark(_ctx: click.Context, _option: click.Parameter, text: str | None) -> tu
     return checked_mark((x_mm / 1000, y_mm / 1000))
 
 
-def optics_options(function: Callable[..., None], *, required: bool = True) -> Callable[..., None]:
-    """Add the options of a lens, a layout, the second mark and deformation."""
-    for option in (
+def optics_options(*, required: bool) -> Callable[[Any], Any]:
+    """Return the options of a lens, a layout, the second mark and deformation."""
+    return all_options(
         click.option(
-            "--mark",
-            "mark",
-            metavar="X,Y",
-            callback=_mark,
-            help="Second mark, on which the object is to be put down: mm from the first one, along the table's axes.",
-        ),
-        click.option(
-            "--harm-mm",
-            type=FiniteRange(0.1, 100),
-            default=6.0,
-            show_default=True,
-            help="How far the object must narrow to count as deformed, mm.",
+            "--lens",
+            "lens_file",
+            type=FILE,
+            required=required,
+            metavar="CAM.json",
+            help="The camera's intrinsics.",
         ),
         click.option(
             "--layout",
@@ -80,16 +74,19 @@ def optics_options(function: Callable[..., None], *, required: bool = True) -> C
             help="File that says where the tags are.",
         ),
         click.option(
-            "--lens",
-            "lens_file",
-            type=FILE,
-            required=required,
-            metavar="CAM.json",
-            help="The camera's intrinsics.",
+            "--harm-mm",
+            type=FiniteRange(0.1, 100),
+            default=6.0,
+            show_default=True,
+            help="How far the object must narrow to count as deformed, mm.",
         ),
-    ):
-        function = option(function)
-    return function
+        click.option(
+            "--mark",
+            metavar="X,Y",
+            callback=_mark,
+            help="Second mark, on which the object is to be put down: mm from the first one, along the table's axes.",
+        ),
+    )
 
 
 @scene.command(epilog="Example: tega-teleop scene tags tags.pdf --layout tags.toml")
@@ -151,7 +148,7 @@ def calibrate(*, source: str, out: Path, size: tuple[int, int], as_json: bool) -
 
 @scene.command(epilog="Example: tega-teleop scene score lift.mp4 --lens cam.json --layout tags.toml")
 @click.argument("video", type=FILE)
-@optics_options
+@optics_options(required=True)
 @click.option(
     "--begin-s",
     type=FiniteRange(),

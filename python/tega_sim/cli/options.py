@@ -4,21 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from tega.config import file_sets
 from tega.errors import InvalidValueError
 from tega.runtime.words import nearest_hint
-from tega.ui.cli.options import NAMES, NUMBERS, preset_option
+from tega.ui.cli.options import NAMES, NUMBERS, all_options, preset_option
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from tega_sim.world.objects import ObjectSpec
-_Function = TypeVar("_Function", bound=Callable[..., Any])
-
 
 objects_option = click.option(
     "--objects",
@@ -29,38 +27,31 @@ objects_option = click.option(
 )
 
 
-def object_options(function: _Function) -> _Function:
-    """Add the options for lifted objects of simulated trials: an object file, and factors to cross its objects with."""
-    for option in (
-        click.option(
-            "--friction",
-            type=NUMBERS,
-            help="Friction between object and gel, instead of the object's own.",
-        ),
-        click.option(
-            "--stiffness-n-m", type=NUMBERS, help="Stiffness of the object's wall, instead of its own."
-        ),
-        click.option(
-            "--mass-kg",
-            type=NUMBERS,
-            help="Mass instead of each object's own. Every combination with the next two options is run.",
-        ),
-        click.option(
-            "--objects-file",
-            type=click.Path(path_type=Path, dir_okay=False, exists=True),
-            metavar="FILE.toml",
-            help="File that describes the --objects, as tega_sim/world/objects.toml does.",
-        ),
-        click.option(
-            "--view",
-            type=click.Choice(["direct", "aside", "hidden"]),
-            default="direct",
-            show_default=True,
-            help="How well people see the hand while it holds.",
-        ),
-    ):
-        function = option(function)
-    return function
+object_options = all_options(
+    click.option(
+        "--view",
+        type=click.Choice(["direct", "aside", "hidden"]),
+        default="direct",
+        show_default=True,
+        help="How well people see the hand while it holds.",
+    ),
+    click.option(
+        "--objects-file",
+        type=click.Path(path_type=Path, dir_okay=False, exists=True),
+        metavar="FILE.toml",
+        help="File that describes the --objects, as tega_sim/world/objects.toml does.",
+    ),
+    click.option(
+        "--mass-kg",
+        type=NUMBERS,
+        help="Mass instead of each object's own. Every combination with the next two options is run.",
+    ),
+    click.option("--stiffness-n-m", type=NUMBERS, help="Stiffness of the object's wall, instead of its own."),
+    click.option(
+        "--friction", type=NUMBERS, help="Friction between object and gel, instead of the object's own."
+    ),
+)
+"""Lifted objects of simulated trials: an object file, and factors to cross its objects with."""
 
 
 def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]:
@@ -74,27 +65,24 @@ def chosen_objects(names: list[str], file: Path | None) -> dict[str, ObjectSpec]
     return {name: known[name].spec for name in names}
 
 
-def loop_options(function: _Function) -> _Function:
-    """Add the options for the loop of a simulated trial: preset, settings file, single settings."""
-    for option in (
-        click.option(
-            "--set",
-            "sets",
-            multiple=True,
-            metavar="KEY=VALUE",
-            help="A setting of the loop: stages.*, session.pose_base, vest.layout, vest.mirror, vest.threshold, "
-            "vest.step; repeatable.",
-        ),
-        click.option(
-            "--config",
-            type=click.Path(path_type=Path, dir_okay=False),
-            metavar="LAB.toml",
-            help="Take the stages, session.pose_base and the vest's layout, mirror, threshold and step from here.",
-        ),
-        preset_option,
-    ):
-        function = option(function)
-    return function
+loop_options = all_options(
+    preset_option,
+    click.option(
+        "--config",
+        type=click.Path(path_type=Path, dir_okay=False),
+        metavar="LAB.toml",
+        help="Take the stages, session.pose_base and the vest's layout, mirror, threshold and step from here.",
+    ),
+    click.option(
+        "--set",
+        "sets",
+        multiple=True,
+        metavar="KEY=VALUE",
+        help="A setting of the loop: stages.*, session.pose_base, vest.layout, vest.mirror, vest.threshold, "
+        "vest.step; repeatable.",
+    ),
+)
+"""The loop of a simulated trial: preset, settings file, single settings."""
 
 
 def loop_sets(config: Path | None, sets: tuple[str, ...]) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from tega_study.cli.options import folder_argument, participant_argument
 @click.option(
     "--camera", metavar="NAME", help="Which camera of the settings, where several filmed the trials."
 )
-@partial(optics_options, required=False)
+@optics_options(required=False)
 @json_option
 def measure(
     *,
