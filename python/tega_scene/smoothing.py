@@ -13,6 +13,8 @@ from typing import Final, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from tega.runtime.lifecycle import require
+
 Floats: TypeAlias = NDArray[np.float64]
 
 KERNEL_S: Final = 0.035
@@ -117,22 +119,12 @@ def _few_parabolas(t: Floats, y: Floats, sigma: Floats, at_s: Floats) -> Floats:
 
 
 def _solved(band: Floats, right: Floats) -> Floats:
-    """Solve a symmetric system with three bands beside the diagonal (LDL), row by row."""
-    rows, x = band.tolist(), right.tolist()
-    for i, row in enumerate(rows):
-        for k in range(min(3, i), 0, -1):
-            over = rows[i - k]
-            for n in range(k + 1, min(3, i) + 1):
-                row[k] -= row[n] * over[n - k]  # row[n] is still L times D there
-        for k in range(1, min(3, i) + 1):
-            times_d, row[k] = row[k], row[k] / rows[i - k][0]
-            row[0] -= row[k] * times_d
-            x[i] -= row[k] * x[i - k]
-    for i in range(len(rows) - 1, -1, -1):
-        x[i] = x[i] / rows[i][0] - sum(
-            rows[i + k][k] * x[i + k] for k in range(1, min(3, len(rows) - 1 - i) + 1)
-        )
-    return np.array(x)
+    """Solve a symmetric system with three bands beside the diagonal."""
+    m, both = len(right), np.zeros((7, len(right)))
+    for k in range(4):
+        both[3 + k, : m - k] = both[3 - k, k:] = band[k:, k]
+    found: Floats = require("scipy.linalg", driver="scene", extra="lab").solve_banded((3, 3), both, right)
+    return found
 
 
 def joined(t_s: Floats, values: Floats, errors: Floats, at_s: Floats) -> Course:
