@@ -15,8 +15,9 @@ import msgspec
 import pytest
 
 from reference.processes import until
+from tega.devices.arm.robot.driver import ArmOptions
 from tega.devices.arm.robot.process import ProcessSettings
-from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
+from tega.devices.arm.simulated_arm import SimulatedArm
 from tega.runtime.child_process import end_child, is_running, start_child
 
 pytestmark = pytest.mark.skipif(
@@ -36,9 +37,7 @@ def ignores_all(pid: int) -> bool:
 def arm_program() -> Iterator[subprocess.Popen[bytes]]:
     """Run the process of a simulated arm, whose link is a socket."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-    settings = ProcessSettings(
-        theirs.fileno(), 1, SimulatedArm.body, msgspec.to_builtins(SimulatedArmOptions())
-    )
+    settings = ProcessSettings(theirs.fileno(), 1, SimulatedArm.body, msgspec.to_builtins(ArmOptions()))
     words = msgspec.json.encode(settings).decode()
     with ours, theirs:
         yield start_child("tega.devices.arm.robot.process", words, pass_fds=[theirs.fileno()])

@@ -24,9 +24,10 @@ from tega.arm.messages import ArmTargetWords
 from tega.arm.rotation import between
 from tega.devices.arm.franky_arm import FrankyArm, FrankyArmOptions
 from tega.devices.arm.robot import fci
+from tega.devices.arm.robot.driver import ArmOptions
 from tega.devices.arm.robot.leash import Leash
 from tega.devices.arm.robot.process import Slew
-from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions
+from tega.devices.arm.simulated_arm import SimulatedArm
 from tega.errors import DeviceUnavailableError, WrongDeviceError
 from tega.runtime.child_process import is_running
 
@@ -154,7 +155,7 @@ def test_the_slew_is_never_faster_and_arrives(
 
 @pytest.fixture
 def led() -> Iterator[Led]:
-    with SimulatedArm(SimulatedArmOptions()) as arm:
+    with SimulatedArm(ArmOptions()) as arm:
         led = Led(arm)
         led.hold()
         yield led
@@ -197,8 +198,9 @@ def test_a_frozen_arm_s_process_is_noticed_and_does_nothing_old_afterwards(led: 
 def test_the_arm_s_process_does_not_outlive_the_run() -> None:
     code = (
         "import sys, time\n"
-        "from tega.devices.arm.simulated_arm import SimulatedArm, SimulatedArmOptions\n"
-        "arm = SimulatedArm(SimulatedArmOptions())\n"
+        "from tega.devices.arm.robot.driver import ArmOptions\n"
+        "from tega.devices.arm.simulated_arm import SimulatedArm\n"
+        "arm = SimulatedArm(ArmOptions())\n"
         "arm.open()\n"
         "print(arm.pid(), flush=True)\n"
         "time.sleep(60)\n"
@@ -213,7 +215,7 @@ def test_the_arm_s_process_does_not_outlive_the_run() -> None:
 
 @pytest.mark.slow
 def test_whatever_the_run_asks_the_arm_goes_no_faster_than_its_own_limit() -> None:
-    with SimulatedArm(SimulatedArmOptions(speed_m_s=0.1)) as slow:
+    with SimulatedArm(ArmOptions(speed_m_s=0.1)) as slow:
         goal = Pose(np.array([0.5, 0.4, 0.3]), np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]))
         seen: list[StampedPose] = []
         end_s = time.monotonic() + 1.0
