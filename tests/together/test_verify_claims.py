@@ -173,7 +173,7 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def replayed(*words: object, capsys: Any, code: int = 0) -> Any:
-    return json.loads(call(capsys, "replay", *words, "--json", code=code)[0])
+    return json.loads(call(capsys, "verify", *words, "--json", code=code)[0])
 
 
 def test_a_stage_beside_that_says_something_else_is_found(recording: Path, capsys: Any) -> None:
@@ -209,7 +209,7 @@ def test_loose_files_are_replayed_through_a_stage(tmp_path, capsys, monkeypatch)
     words += ["--emg", str(tmp_path / "squeeze.npy")]
     levels = []
     for name, sets in (("a", ()), ("b", ("--set", "stages.decoder.options.tau_s=0.2"))):
-        replayed(*words, *sets, "--out", tmp_path / name, capsys=capsys)
+        call(capsys, "replay", *words, *sets, "--out", tmp_path / name, "--json")
         levels.append((tmp_path / name / "levels.csv").read_text().splitlines())
     assert len(levels[0]) - 1 == 2 * (len(levels[1]) - 1)
 

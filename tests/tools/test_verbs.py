@@ -87,10 +87,7 @@ def test_an_earlier_name_says_the_new_one(earlier: str, now: str, capsys: pytest
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        (
-            ["replay", "none.mcap"],
-            "note: replay none.mcap is now: tega-teleop verify none.mcap\nerror: none.mcap",
-        ),
+        (["replay", "none.mcap"], "error: replay none.mcap is now: tega-teleop verify none.mcap"),
         (["arm", "check", "127.0.0.1"], "error: arm was taken out: doctor SETTINGS.toml checks a robot"),
     ],
 )

@@ -197,18 +197,6 @@ def test_a_level_set_against_the_muscles_is_replayed_as_it_was(tmp_path: Path) -
     assert replay_file(path).same
 
 
-FLAGS = (
-    "--preset paper, --preset live, --tactile-rate-hz 60, --allow-truncated, --emg-rate-hz 1000, --emg-kind raw, "
-    "--emg-channels 1, --emg-variable emg, --view-port 8090, --view, --out results"
-)
-
-
-@pytest.mark.parametrize("flag", FLAGS.split(", "))
-def test_no_flag_of_loose_files_is_left_out_beside_a_session(flag, tmp_path, capsys):
-    told = call(capsys, "replay", tmp_path / "monday", *flag.split(), code=2)[1]
-    assert f"{flag.split(maxsplit=1)[0]} is for loose files, not for a session" in told
-
-
 def test_records_that_the_loop_never_reads_are_forgotten_as_it_runs(tmp_path: Path) -> None:
     seconds = 8.0
     session = {name: part for name, part in tree(tmp_path / "session").items() if name != "tactile"}

@@ -40,7 +40,6 @@ class _Named(click.ParamType[tuple[str, str]]):
     "--emg-kind raw --emg-channels 1,2,3 --preset live --out pressed"
 )
 @click.argument("session", type=PATH, required=False, metavar="")
-@click.option("--config", type=PATH, hidden=True)
 @click.option(
     "--tactile",
     type=_Named("path"),
@@ -85,13 +84,12 @@ class _Named(click.ParamType[tuple[str, str]]):
 def replay(
     *,
     session: Path | None,
-    config: Path | None,
     sets: tuple[str, ...],
     view: bool,
     view_port: int,
     as_json: bool,
     **flags: Any,
-) -> int | None:
+) -> None:
     """Run the loop on pictures and EMG from files as fast as possible, and write tables.
 
     With --view the loop runs in real time, on a page that can pause. To re-run a recorded session, use verify.
@@ -109,16 +107,9 @@ def replay(
     from tega.records.display import Notice
     from tega.safety.stop import CtrlC
     from tega.ui.cli.report import Findings, echo_summary
-    from tega.ui.cli.verify import check_flags, replay_session
 
     if session is not None:
-        click.echo(f"note: replay {session} is now: tega-teleop verify {session}", err=True)
-        picture = flags.pop("picture")
-        check_flags(click.get_current_context(), (*flags, "view", "view_port"))
-        same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
-        return 0 if same else 1
-    if config is not None:
-        raise click.UsageError("--config is for verify; run takes settings with their own recordings")
+        raise click.UsageError(f"replay {session} is now: tega-teleop verify {session}")
     if flags["out"] is None:
         raise click.UsageError(
             "Missing option '--out'. To re-run a recorded session, use 'tega-teleop verify'."
@@ -143,7 +134,6 @@ def replay(
         f"TEGA replay, preset {flags['preset']}", pose_base=settings.session.pose_base, words=not as_json
     )
     echo_summary(summary, wall_s=wall_s, as_json=as_json)
-    return None
 
 
 def _tree(flags: dict[str, Any]) -> dict[str, Any]:

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
 from tega.runtime.words import printable
 from tega.ui.cli.options import PATH, echo_json, json_option, picture_option, progress_bar, sets_option
@@ -32,24 +30,6 @@ def verify(
     level and the vest is printed; --picture draws it (for several recordings, each into a file with its name). With
     --json: a list of objects, one per recording.
     """
-    same = replay_session(session, config=config, sets=sets, picture=picture, as_json=as_json)
-    return 0 if same else 1
-
-
-def replay_session(
-    session: Path,
-    *,
-    config: Path | None,
-    sets: tuple[str, ...] = (),
-    picture: Path | None = None,
-    as_json: bool,
-) -> bool:
-    """Re-run every recording of a session, report the differences, and return whether there are none.
-
-    ``session`` is a recording, or a session's folder; it runs through other settings, ``config``, and single
-    ones, ``sets``, as ``key=value``. ``picture`` is the PNG to draw; of several recordings each draws its
-    own, named after it.
-    """
     import msgspec
 
     from tega.recording.inspection import absent_in
@@ -73,7 +53,7 @@ def replay_session(
         findings.notify(f"TEGA · {printable(path.name)}", pose_base=replays[-1].pose_base, words=not as_json)
     if as_json:
         echo_json(msgspec.to_builtins(replays))
-    return all(replay.same for replay in replays)
+    return 0 if all(replay.same for replay in replays) else 1
 
 
 def _show(replay: Replay) -> None:
@@ -141,11 +121,3 @@ def _inputs(replay: Replay) -> str:
 
 def _short(text: str) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
-
-
-def check_flags(context: click.Context, names: Iterable[str]) -> None:
-    """Reject the flags for loose files beside a session, so that none is silently ignored."""
-    for name in names:
-        if context.get_parameter_source(name) not in {None, ParameterSource.DEFAULT}:
-            flag = "set" if name == "sets" else name.replace("_", "-")
-            raise click.UsageError(f"--{flag} is for loose files, not for a session")
