@@ -174,7 +174,7 @@ def test_the_key_that_begins_a_trial_does_not_end_it_and_its_first_second_is_qui
     assert [event.kind for event in events_of(folder)][-1] == "trial_end"
 
 
-def test_a_trial_ends_although_the_disk_is_full(tmp_path, monkeypatch) -> None:
+def test_a_trial_ends_although_the_disk_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = study(tmp_path)
     with Journal(events_path(folder, "p01")) as journal:
         led = trial_led(folder, journal, StandingBench())
