@@ -169,7 +169,7 @@ def _each(
     frames: Images,
     baseline: NDArray[np.uint8] | Images,
 ) -> list[ContactMetrics]:
-    if getattr(baseline, "ndim", 0) == 3:
+    if getattr(baseline, "ndim", 0) in {2, 3}:  # a grey one is refused as such
         baselines = [cast("NDArray[np.uint8]", baseline)] * len(frames)
     elif len(baseline) == len(frames):
         baselines = list(baseline)

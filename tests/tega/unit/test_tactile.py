@@ -52,15 +52,15 @@ def test_many_frames_in_one_call_read_as_one_by_one(n_frames: int) -> None:
 
 
 def test_many_frames_of_different_sizes_and_none() -> None:
-    sizes = [(8, 10), (5, 300), (1, 1)]
-    frames = [np.full((*size, 3), 50, np.uint8) for size in sizes]
+    frames = [np.full((*size, 3), 50, np.uint8) for size in ((8, 10), (5, 300), (1, 1))]
     still = [np.zeros_like(frame) for frame in frames]
     assert [m.eda for m in contact_metrics_many(frames, still)] == [80, 1500, 0]
     assert contact_metrics_many([], []) == read_contacts([], []) == []
     with pytest.raises(ShapeError, match="2 baselines for 3 frames; give one for all frames"):
         read_contacts(frames, still[:2])
-    with pytest.raises(ShapeError, match="baseline is 8x10"):
-        read_contacts(frames, still[0])
+    for one, said in ((still[0], "baseline is 8x10"), (still[0][..., 0], r"baseline has shape \(8, 10\)")):
+        with pytest.raises(ShapeError, match=said):
+            read_contacts(frames, one)
 
 
 @pytest.mark.parametrize("read", [contact_metrics, read_contact])
