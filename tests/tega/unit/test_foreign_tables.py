@@ -218,10 +218,8 @@ def test_lines_before_the_samples_and_what_is_no_table_of_them(write: Write) -> 
     rows = [[k, *row, -row[0]] for k, row in enumerate(EMG.tolist())]
     for head in ("Sample #,EMG #1,EMG #2,EMG #3,Acc X", "Sample\tEMG1\tEMG2\tEMG3\tAcc X"):
         assert read_signals(write(rows, head)).channels == (2, 3, 4)
-    assert (
-        read_signals(write(rows, "k,a [mV],b [uV],c,Acc X")).notes[1]
-        == "channels have several units: mV, uV, none"
-    )
+    notes = read_signals(write(rows, "k,a [mV],b [uV],c,Acc X")).notes
+    assert notes[1] == "channels have several units: mV, uV, none"
     stated = {"Sample rate: 1,000 Hz": 1000.0, "fs = 2.000": 2000.0, "2,148.15 Hz": 2148.15}
     assert {line: stated_rate([line]) for line in stated} == stated
     assert not any(stated_rate([line]) for line in ("Notch frequency: 50 Hz", "High-pass 20 Hz", "20-450 Hz"))
@@ -241,8 +239,7 @@ def test_arrays_with_times_of_any_unit_and_columns_of_one_name(tmp_path: Path) -
     assert same(read_signals(tmp_path / "a.npz")).rate_hz == RATE_HZ
     with h5py.File(tmp_path / "a.h5", "w", track_order=True) as file:
         file.attrs["fs"] = RATE_HZ
-        for name, values in vectors.items():
-            file[name] = values
+        file.update(vectors)
     assert same(read_signals(tmp_path / "a.h5")).rate_hz == RATE_HZ
     parquet.write_table(pa.table(list(map(pa.array, EMG.T)), names=["emg"] * 3), tmp_path / "a.parquet")
     same(read_signals(tmp_path / "a.parquet"))
@@ -262,10 +259,8 @@ def test_losses_are_gaps_in_the_numbers_of_samples(write: Write) -> None:
     with EmgFile(EmgFileOptions(file=path)) as source:
         chunks = [source.read(0.0) for _ in range(60)]
         assert source.ended
-    numbers = [
-        n for c in chunks if c is not None for n in range(c.first_index, c.first_index + len(c.samples))
-    ]
-    assert numbers == kept.tolist()
+    taken = [(c.first_index, len(c.samples)) for c in chunks if c is not None]
+    assert [n for first, many in taken for n in range(first, first + many)] == kept.tolist()
 
 
 def test_a_counter_shows_losses_that_times_do_not(write: Write) -> None:
@@ -365,9 +360,8 @@ def test_interrupted_edf_keeps_its_times(tmp_path: Path) -> None:
 
 
 def test_inspect_prints_the_decision(write: Write, capsys: pytest.CaptureFixture[str]) -> None:
-    path = write(
-        [[t, k, *row] for k, (t, *row) in enumerate(timed())], "time [s];Counter;a;b;c", sep=";", comma=True
-    )
+    rows = [[t, k, *row] for k, (t, *row) in enumerate(timed())]
+    path = write(rows, "time [s];Counter;a;b;c", sep=";", comma=True)
     text, _ = call(capsys, "emg", "inspect", path)
     assert '3 channels of 5 columns: "time [s]" is time, "Counter" counts; decimal comma' in text
     reported = json.loads(call(capsys, "emg", "inspect", path, "--json")[0])
@@ -393,12 +387,10 @@ def test_text_takes_little_more_memory_than_its_numbers(write: Write) -> None:
 
 def test_formats_that_are_not_read_are_named_with_the_way_out(tmp_path: Path) -> None:
     for ending, (name, route) in OTHER_FORMATS.items():
-        path = tmp_path / f"a{ending}"
-        path.write_bytes(b"\x01\x02\x03")
+        (path := tmp_path / f"a{ending}").write_bytes(b"\x01\x02\x03")
         with pytest.raises(RecordingError) as caught:
             read_signals(path)
-        assert caught.value.message == f"a{ending}: {name} is not read as EMG"
-        assert caught.value.hint == route
+        assert (caught.value.message, caught.value.hint) == (f"a{ending}: {name} is not read as EMG", route)
 
 
 def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
