@@ -12,7 +12,7 @@ target is sure      somebody said 1.5 s ago which closure is meant, and for 3 s 
 never               while a finger touches, in any state but armed or active, or where a sample is missing
 within any minute   gain x 1.1 or / 1.1, offset 2 % of the maximum; the settings say how much
 in all              gain x 1.5 or / 1.5, offset 0 to 10 % of the maximum
-undone              by one key, at once and exactly; the key pressed again begins again
+undone              by one key, at once and exactly; pressed again, the key starts adaptation over
 ==================  ==================================================================================================
 
 The result depends only on the samples, however they are cut into chunks, and on the switches as read at the end of

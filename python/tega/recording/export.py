@@ -25,7 +25,7 @@ from tega.runtime.child_process import called_beside
 from tega.runtime.files.foreign_file import MIB, plain_name, reports_damage
 from tega.runtime.lifecycle import require
 
-# Pictures' cells, seven kilobytes each, wait with the messages that they are in: memory that the system clears again.
+# Pictures' cells, seven kilobytes each, wait with the messages that they are in: memory that the system has to clear.
 _MESSAGES_KEPT: Final = 1024
 _BYTES_KEPT: Final = MIB // 2
 # Of a larger file another process writes the second half: two minutes of four fingers.

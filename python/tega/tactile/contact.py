@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Literal, NamedTuple, TypeAlias, TypedDict, Unpack, cast
 
 import numpy as np
@@ -53,8 +53,8 @@ class ContactMetrics(NamedTuple):
     """False where there is nothing to report."""
 
 
-# As `_make` without counting the fields again.
-_contact_metrics = tuple.__new__
+# As ``_make``, which counts the fields once more.
+_metrics: Callable[[Any], ContactMetrics] = partial(tuple.__new__, ContactMetrics)
 
 
 class ContactGate(NamedTuple):
@@ -118,7 +118,7 @@ def contact_metrics(
         (40.0, 600, (64.5, 109.5))
     """
     equations = _equations(tuple(weights), order, difference, spread, factor, centroid_value, gate)
-    return _contact_metrics(ContactMetrics, equations.metrics(frame, baseline))
+    return _metrics(equations.metrics(frame, baseline))
 
 
 def contact_metrics_many(
@@ -177,7 +177,7 @@ def _each(
         raise ShapeError(
             f"{len(baseline)} baselines for {len(frames)} frames", "give one for all frames, or one for each"
         )
-    return list(map(ContactMetrics._make, read(list(frames), baselines)))
+    return list(map(_metrics, read(list(frames), baselines)))
 
 
 def read_contact(
@@ -210,7 +210,7 @@ def read_contact(
     Errors are those of :func:`contact_metrics`; ``InvalidValueError`` also for a choice that is not known.
     """
     preset = _preset(reading, order=order, outline=outline, noise=noise)
-    return ContactMetrics._make(preset.read(frame, baseline))
+    return _metrics(preset.read(frame, baseline))
 
 
 def _preset(
@@ -265,7 +265,7 @@ class ContactReader:
     def read(self, frame: NDArray[np.uint8]) -> ContactMetrics:
         """Return the contact metrics of a frame; ``ShapeError`` if it is not of the baseline's size."""
         known = self._known
-        return ContactMetrics._make(known.read(frame) if known else self._preset.read(frame, self._baseline))
+        return _metrics(known.read(frame) if known else self._preset.read(frame, self._baseline))
 
 
 def contact_mask(

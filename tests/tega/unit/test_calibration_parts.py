@@ -135,8 +135,10 @@ def test_records_that_must_not_be_used(tmp_path: Path) -> None:
         path.write_text(good.replace(*change))
         with pytest.raises(CalibrationError, match=message):
             folder.record("p01", TouchRecord, "D1")
-    with pytest.raises(CalibrationError, match="lowpass_hz = 20"):
-        read_record(folder.keep(muscles(lowpass_hz=20.0)), EmgRecord)
+    kept = folder.keep(muscles())
+    kept.write_text(kept.read_text().replace("lowpass_hz = 50.0", "lowpass_hz = 20.0"))
+    with pytest.raises(CalibrationError, match="lowpass_hz = 20 Hz, where a run's filter has 50 Hz"):
+        read_record(kept, EmgRecord)
     path.write_text(good)
     with pytest.raises(CalibrationError):
         read_record(path, VestCalibration)

@@ -110,7 +110,7 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     kind: Literal["raw", "rectified", "envelope"]
     rate_hz: float
     tau_samples: int
-    lowpass_hz: Annotated[float, msgspec.Meta(ge=50, le=50)] = 50.0
+    lowpass_hz: float = 50.0
     settings: str = ""
     unit: str
     channels: tuple[str, ...]
@@ -122,6 +122,13 @@ class EmgRecord(CalibrationRecord, frozen=True, kw_only=True, tag_field="format"
     answers: tuple[tuple[float, ...], ...]
     refreshed: datetime | None = None
     scale: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what a run cannot use: its filter has one cutoff."""
+        if self.lowpass_hz != 50.0:
+            raise ValueError(
+                f"lowpass_hz = {self.lowpass_hz:g} Hz, where a run's filter has 50 Hz: calibrate again"
+            )
 
 
 class VestCalibration(CalibrationRecord, frozen=True, kw_only=True, tag_field="format", tag="tega-vest"):

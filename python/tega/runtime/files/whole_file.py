@@ -51,7 +51,7 @@ def new_file(path: Path, *, sync: bool = False) -> Iterator[BinaryIO]:
     beside = path.with_name(f".{path.name}.{os.getpid()}.new")
     beside.unlink(missing_ok=True)
     try:
-        with beside.open("xb") as file:  # made again, or not at all: never through a link
+        with beside.open("xb") as file:  # made new, or not at all: never through a link
             yield file
             if sync:
                 file.flush()

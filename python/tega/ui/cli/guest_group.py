@@ -11,8 +11,12 @@ from tega.runtime.features import Feature, Verb, load_target, named
 
 REMOVED: Final[Mapping[str, str]] = {
     "arm": "doctor SETTINGS.toml checks a robot, calibrate SETTINGS.toml --only arm finds the tracker's forward",
+    "emg people": "emg skill compares decoders on people's own tests",
     "emg recalibrate": "calibrate SETTINGS.toml --only emg --refresh does it",
+    "emg score": "emg compare FILES --decoders rules-paper,rules judges both presets",
     "forward": "calibrate SETTINGS.toml --only arm finds the tracker's forward",
+    "hand decode": "python-can reads CAN logs, tega.wire.allegro_decode their frames",
+    "hand urdf": "the hand's maker publishes its URDF",
 }
 """Verbs that were taken out, with what takes their place. An entry stays for a year."""
 

@@ -93,7 +93,7 @@ class SceneCamera:
         self._rng = np.random.default_rng(seed)
         grid = np.stack(np.meshgrid(np.arange(lens.width), np.arange(lens.height)), axis=-1).reshape(-1, 2)
         self._rays = lens.rays(grid).reshape(lens.height, lens.width, 2).astype(np.float32)
-        # Noise of many pictures: each is one of these, shifted again.
+        # Noise of many pictures: each is one of these, shifted by another step.
         self._noises = self._rng.standard_normal((_NOISES, lens.height, lens.width), dtype=np.float32)
         y, x = np.mgrid[: lens.height, : lens.width]
         far = np.hypot((x - lens.cx) / lens.width, (y - lens.cy) / lens.width)

@@ -27,7 +27,7 @@ _NEAR = 64
 _MOST_SLOPES = 100_000
 # With fewer different stamps than this share of the rows, samples came in batches.
 _MOST_SHARED = 0.7
-# A counter of 16 bits wraps within this; a greater one that falls was set again.
+# A counter of 16 bits wraps within this; a greater one that falls was reset.
 _MOST_TURN = 70_000
 _SLOPE_ROWS = 1000
 _DAY_S = 86_400.0
